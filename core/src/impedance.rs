@@ -1,0 +1,64 @@
+//! Joint impedances z(s): what acts between two sides of a joint, as a function of the Laplace variable.
+//!
+//! An impedance sits on a direction b of coordinate space and adds z(s) b bᵀ to the dynamic stiffness. A spring-damper
+//! on one coordinate is the virtual joint of Huynh et al. 2021 (Eqs. 12, 13); a row of a bushing is a dense direction.
+
+use crate::{Error, Result};
+use pulp::Simd;
+
+use crate::lanes::Complex;
+
+/// z(s) = k + s d.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SpringDamper {
+    /// k, N m/rad or N/m.
+    pub stiffness: f64,
+    /// d, N m s/rad or N s/m.
+    pub damping: f64,
+}
+
+impl SpringDamper {
+    /// Numbers that a fit may change: k and d.
+    pub const PARAMETERS: usize = 2;
+
+    /// Refuses numbers that are not finite.
+    ///
+    /// # Errors
+    /// [`Error::Value`].
+    pub fn check(&self) -> Result<()> {
+        for (what, got) in [("stiffness", self.stiffness), ("damping", self.damping)] {
+            if !got.is_finite() {
+                return Err(Error::Value { what, got, expected: "a finite number" });
+            }
+        }
+        Ok(())
+    }
+
+    /// z at each lane's s.
+    #[inline(always)]
+    pub fn value<S: Simd>(&self, simd: S, s: Complex<S>) -> Complex<S> {
+        let (k, d) = (simd.splat_f64s(self.stiffness), simd.splat_f64s(self.damping));
+        Complex { re: simd.mul_add_e_f64s(s.re, d, k), im: simd.mul_f64s(s.im, d) }
+    }
+
+    /// ∂z/∂k = 1 and ∂z/∂d = s, times the parameters themselves where `relative` (that is ∂z/∂ln k, ∂z/∂ln d).
+    #[inline(always)]
+    pub fn gradient<S: Simd>(
+        &self,
+        simd: S,
+        s: Complex<S>,
+        relative: bool,
+    ) -> [Complex<S>; Self::PARAMETERS] {
+        let (k, d) = if relative { (self.stiffness, self.damping) } else { (1.0, 1.0) };
+        [Complex { re: simd.splat_f64s(k), im: simd.splat_f64s(0.0) }, s.scale(simd, simd.splat_f64s(d))]
+    }
+}
+
+/// Along which direction of coordinate space an impedance acts.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Direction {
+    /// On one coordinate alone.
+    Coordinate(usize),
+    /// On a combination of coordinates (one entry each).
+    Dense(Vec<f64>),
+}

@@ -1,0 +1,22 @@
+//! Numerical core of Armonic: the mechanics, linearization and frequency responses of flexible-joint robots.
+//!
+//! Data walks one way: a [`mechanism::Mechanism`] is compiled once, [`linearize`] turns it into matrices at an
+//! operating point, [`frf`] turns those into frequency responses with their sensitivities, and [`residual`] compares
+//! these with a measurement. Units are SI and radians throughout; six-vectors stack the linear part over the angular.
+
+pub mod bushing;
+pub mod dynamics;
+pub mod error;
+pub mod frf;
+pub mod impedance;
+pub mod lanes;
+pub mod linearize;
+pub mod mechanism;
+pub mod residual;
+mod solver;
+pub mod spatial;
+
+pub use error::Error;
+
+/// Result of everything in this crate that can fail.
+pub type Result<T> = std::result::Result<T, Error>;

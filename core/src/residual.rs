@@ -1,0 +1,336 @@
+//! The logarithmic residual of a fit and its Jacobian, reduced to the small triangle that least squares needs.
+//!
+//! Cost (Huynh et al. 2021, Eq. 22): Σ W |ln H_s − ln H|² over outputs, inputs and lines, the phase difference taken to
+//! its principal value. Each block of rows is folded into an upper triangle R by Householder reflections as soon as it is
+//! computed, so RᵀR = [J r]ᵀ[J r] without the thousands of rows ever standing side by side.
+
+use crate::frf::LinearSystem;
+use crate::impedance::SpringDamper;
+use crate::lanes::{slice_of, slice_of_mut};
+use crate::mechanism::finite;
+use crate::solver::{Solver, load};
+use crate::{Error, Result};
+use nalgebra::Complex as C64;
+use pulp::{Arch, Simd, WithSimd};
+use rayon::prelude::*;
+
+/// Lines that one task works on: small enough to share a fit among threads, and fixed, so that results do not depend on
+/// how many there are.
+const LINES_PER_TASK: usize = 64;
+/// Rows that are gathered before they are folded in; a block of this height and some twenty columns stays in cache.
+const ROWS_PER_BLOCK: usize = 128;
+/// Widest register in lanes; arrays are padded to it.
+const MAX_LANES: usize = 8;
+
+/// One measured response matrix and the model that is to reproduce it.
+#[derive(Debug, Clone)]
+pub struct Target {
+    system: LinearSystem,
+    /// All arrays below are padded to a multiple of [`MAX_LANES`], with zero weight.
+    s: Vec<C64<f64>>,
+    lines: usize,
+    /// 1/H measured, `[output][input][line]`.
+    inverse: Vec<C64<f64>>,
+    /// √W in both parts, likewise.
+    root_weight: Vec<C64<f64>>,
+}
+
+impl Target {
+    /// `measured` (receptances) and `weights` are `[output][input][line]`; a line of zero weight is left out whatever it
+    /// holds.
+    ///
+    /// # Errors
+    /// [`Error::Length`], [`Error::Value`] for a negative weight, a number that is not finite or a weighted zero.
+    pub fn new(system: LinearSystem, s: &[C64<f64>], measured: &[C64<f64>], weights: &[f64]) -> Result<Self> {
+        let (p, m) = system.shape();
+        let lines = s.len();
+        for (what, got) in [("measured", measured.len()), ("weights", weights.len())] {
+            if got != p * m * lines || lines == 0 {
+                return Err(Error::Length { what, needed: p * m * lines, got });
+            }
+        }
+        finite("s", s.iter().flat_map(|s| [s.re, s.im]))?;
+        let padded = lines.next_multiple_of(MAX_LANES);
+        let mut padded_s = s.to_vec();
+        padded_s.resize(padded, s[lines - 1]);
+        let mut inverse = vec![C64::new(1.0, 0.0); p * m * padded];
+        let mut root_weight = vec![C64::new(0.0, 0.0); p * m * padded];
+        for (i, (&value, &weight)) in measured.iter().zip(weights).enumerate() {
+            if !(weight >= 0.0 && weight.is_finite()) {
+                return Err(Error::Value {
+                    what: "weight",
+                    got: weight,
+                    expected: "a finite number, zero or more",
+                });
+            }
+            if weight == 0.0 {
+                continue;
+            }
+            if value.norm_sqr() == 0.0 || !value.norm_sqr().is_finite() {
+                return Err(Error::Value {
+                    what: "measured response",
+                    got: value.norm(),
+                    expected: "a finite number other than zero, since its logarithm is fitted",
+                });
+            }
+            let at = i / lines * padded + i % lines;
+            inverse[at] = value.inv();
+            root_weight[at] = C64::new(weight.sqrt(), weight.sqrt());
+        }
+        Ok(Self { system, s: padded_s, lines, inverse, root_weight })
+    }
+}
+
+/// A fit over several targets that share their impedances.
+#[derive(Debug, Clone)]
+pub struct Problem {
+    targets: Vec<Target>,
+    branches: usize,
+}
+
+/// Upper triangle R, (c+1)×(c+1) by rows: the last column belongs to the residual, the others to the free parameters.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Triangle {
+    /// Number of free parameters c plus one.
+    pub width: usize,
+    /// R by rows.
+    pub values: Vec<f64>,
+}
+
+impl Triangle {
+    fn zeros(width: usize) -> Self {
+        Self { width, values: vec![0.0; width * width] }
+    }
+
+    /// The cost Σ W |r|².
+    pub fn cost(&self) -> f64 {
+        (0..self.width).map(|i| self.values[i * self.width + self.width - 1].powi(2)).sum()
+    }
+}
+
+impl Problem {
+    /// Joins targets over one list of impedances.
+    ///
+    /// # Errors
+    /// [`Error::Length`] where the targets disagree on the number of impedances, or there is none.
+    pub fn new(targets: Vec<Target>) -> Result<Self> {
+        let branches = targets.first().map_or(0, |t| t.system.branches());
+        if targets.is_empty() {
+            return Err(Error::Length { what: "targets", needed: 1, got: 0 });
+        }
+        for target in &targets {
+            if target.system.branches() != branches {
+                return Err(Error::Length {
+                    what: "impedances",
+                    needed: branches,
+                    got: target.system.branches(),
+                });
+            }
+        }
+        Ok(Self { targets, branches })
+    }
+
+    /// Number of impedances.
+    pub fn branches(&self) -> usize {
+        self.branches
+    }
+
+    /// The triangle of [J r] for the `free` parameters (indices into all stiffnesses, then all dampings), J with respect
+    /// to their logarithms.
+    ///
+    /// # Errors
+    /// Mismatched lengths, [`Error::Singular`], [`Error::ZeroResponse`].
+    pub fn reduce(&self, impedances: &[SpringDamper], free: &[usize]) -> Result<Triangle> {
+        let count = self.branches * SpringDamper::PARAMETERS;
+        if let Some(&got) = free.iter().find(|&&i| i >= count) {
+            return Err(Error::Index { what: "parameter", count, got });
+        }
+        let tasks: Vec<(&Target, usize)> = self
+            .targets
+            .iter()
+            .flat_map(|target| (0..target.lines).step_by(LINES_PER_TASK).map(move |start| (target, start)))
+            .collect();
+        let parts: Vec<Result<Triangle>> = tasks
+            .par_iter()
+            .map(|&(target, start)| {
+                target.system.check(impedances)?;
+                Arch::new().dispatch(Task { target, impedances, free, start })
+            })
+            .collect();
+        let mut total = Triangle::zeros(free.len() + 1);
+        for part in parts {
+            Arch::new().dispatch(Merge { into: &mut total, part: &part? });
+        }
+        Ok(total)
+    }
+
+    /// Costs of many impedance sets, in parallel.
+    ///
+    /// # Errors
+    /// As [`Self::reduce`].
+    pub fn costs(&self, sets: &[Vec<SpringDamper>]) -> Result<Vec<f64>> {
+        sets.par_iter().map(|set| Ok(self.reduce(set, &[])?.cost())).collect()
+    }
+}
+
+/// Rows waiting to be folded: column-major, one register per group of rows.
+struct Block<S: Simd> {
+    groups: Vec<S::f64s>,
+    height: usize,
+    filled: usize,
+}
+
+impl<S: Simd> Block<S> {
+    fn new(simd: S, width: usize, height: usize) -> Self {
+        Self { groups: vec![simd.splat_f64s(0.0); width * height], height, filled: 0 }
+    }
+
+    /// Folds the filled rows into `triangle`: one Householder reflection per column over its diagonal and the block.
+    #[inline(always)]
+    fn fold(&mut self, simd: S, triangle: &mut Triangle) {
+        let (width, filled) = (triangle.width, std::mem::take(&mut self.filled));
+        for j in 0..width {
+            let (head, tail) = self.groups.split_at_mut((j + 1) * self.height);
+            let column = &mut head[j * self.height..j * self.height + filled];
+            let below = dot(simd, column, column);
+            if below == 0.0 {
+                continue;
+            }
+            let top = triangle.values[j * width + j];
+            let length = -(top * top + below).sqrt().copysign(top);
+            let factor = (length - top) / length;
+            let scale = simd.splat_f64s(1.0 / (top - length));
+            for value in column.iter_mut() {
+                *value = simd.mul_f64s(*value, scale);
+            }
+            triangle.values[j * width + j] = length;
+            for (k, other) in (j + 1..width).zip(tail.chunks_exact_mut(self.height)) {
+                let other = &mut other[..filled];
+                let entry = &mut triangle.values[j * width + k];
+                let step = factor * (*entry + dot(simd, column, other));
+                *entry -= step;
+                let step = simd.splat_f64s(step);
+                for (value, &u) in other.iter_mut().zip(column.iter()) {
+                    *value = simd.negate_mul_add_e_f64s(step, u, *value);
+                }
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn dot<S: Simd>(simd: S, a: &[S::f64s], b: &[S::f64s]) -> f64 {
+    let mut sums = [simd.splat_f64s(0.0); 4];
+    let (a4, b4) = (a.chunks_exact(4), b.chunks_exact(4));
+    for (&x, &y) in a4.remainder().iter().zip(b4.remainder()) {
+        sums[0] = simd.mul_add_e_f64s(x, y, sums[0]);
+    }
+    for (x, y) in a4.zip(b4) {
+        for i in 0..4 {
+            sums[i] = simd.mul_add_e_f64s(x[i], y[i], sums[i]);
+        }
+    }
+    let halves = [simd.add_f64s(sums[0], sums[1]), simd.add_f64s(sums[2], sums[3])];
+    simd.reduce_sum_f64s(simd.add_f64s(halves[0], halves[1]))
+}
+
+struct Task<'a> {
+    target: &'a Target,
+    impedances: &'a [SpringDamper],
+    free: &'a [usize],
+    start: usize,
+}
+
+impl WithSimd for Task<'_> {
+    type Output = Result<Triangle>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Result<Triangle> {
+        let target = self.target;
+        let (p, m) = target.system.shape();
+        let r = target.system.branches();
+        let padded = target.s.len();
+        let width = self.free.len() + 1;
+        let per_chunk = 2 * p * m;
+        let height = per_chunk * ROWS_PER_BLOCK.div_ceil(per_chunk * S::F64_LANES);
+        let mut block = Block::<S>::new(simd, width, height);
+        let mut triangle = Triangle::zeros(width);
+        let mut solver = Solver::new(simd, &target.system, self.impedances);
+        let end = (self.start + LINES_PER_TASK).min(padded);
+        for start in (self.start..end).step_by(S::F64_LANES) {
+            let s = load(simd, &target.s, start);
+            solver.solve(simd, s, start, width > 1)?;
+            for a in 0..p {
+                for b in 0..m {
+                    let pair = a * m + b;
+                    let row = block.filled;
+                    block.filled += 2;
+                    let h = solver.h[pair];
+                    let ratio = h.mul(simd, load(simd, &target.inverse, pair * padded + start));
+                    let weight = load(simd, &target.root_weight, pair * padded + start).re;
+                    let (mut log, mut phase) = (ratio.norm_squared(simd), ratio.im);
+                    let valid = principal_logarithm::<S>(&mut log, &mut phase, &ratio.re);
+                    if !valid {
+                        return Err(Error::ZeroResponse { output: a, input: b, line: start });
+                    }
+                    let last = (width - 1) * height + row;
+                    block.groups[last] = simd.mul_f64s(log, weight);
+                    block.groups[last + 1] = simd.mul_f64s(phase, weight);
+
+                    let scale = h.inverse(simd).scale(simd, simd.neg_f64s(weight));
+                    for (column, &parameter) in self.free.iter().enumerate() {
+                        let (kind, branch) = (parameter / r, parameter % r);
+                        let gradient = self.impedances[branch].gradient(simd, s, true)[kind];
+                        let y = solver.at_outputs[branch * p + a];
+                        let x = solver.at_inputs[branch * m + b];
+                        let value = y.mul(simd, x).mul(simd, gradient.mul(simd, scale));
+                        block.groups[column * height + row] = value.re;
+                        block.groups[column * height + row + 1] = value.im;
+                    }
+                }
+            }
+            if block.filled + per_chunk > height {
+                block.fold(simd, &mut triangle);
+            }
+        }
+        block.fold(simd, &mut triangle);
+        Ok(triangle)
+    }
+}
+
+/// ln|z| from |z|² in `log`, and arg z from its parts; false where z is zero or not finite.
+#[inline(always)]
+fn principal_logarithm<S: Simd>(log: &mut S::f64s, phase: &mut S::f64s, re: &S::f64s) -> bool {
+    let mut valid = true;
+    let lanes = slice_of_mut::<S>(log).iter_mut().zip(slice_of_mut::<S>(phase)).zip(slice_of::<S>(re));
+    for ((log, im), &re) in lanes {
+        valid &= *log > 0.0 && log.is_finite();
+        *log = 0.5 * log.ln();
+        *im = im.atan2(re);
+    }
+    valid
+}
+
+struct Merge<'a> {
+    into: &'a mut Triangle,
+    part: &'a Triangle,
+}
+
+impl WithSimd for Merge<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let width = self.part.width;
+        let height = width.div_ceil(S::F64_LANES);
+        let mut block = Block::<S>::new(simd, width, height);
+        for column in 0..width {
+            for row in 0..=column {
+                let group = &mut block.groups[column * height + row / S::F64_LANES];
+                slice_of_mut::<S>(group)[row % S::F64_LANES] = self.part.values[row * width + column];
+            }
+        }
+        block.filled = height;
+        block.fold(simd, self.into);
+    }
+}

@@ -1,0 +1,46 @@
+"""The exceptions that Armonic raises on bad input; every message says where, what was found and what to do."""
+
+from __future__ import annotations
+
+
+class ArmonicError(ValueError):
+    """Base of every error that Armonic raises on purpose.
+
+    The message is one line: where the fault is, what was found, what was expected, and (if given) a hint
+    what to do next. The parts stay readable as attributes, for programs.
+
+    Args:
+        where: the place: a file and line, a dotted path into the description, or an argument's name.
+        found: what stands there.
+        expected: what should stand there, with its unit.
+        hint: what to do about it, as a full sentence.
+    """
+
+    def __init__(self, where: str, *, found: str, expected: str, hint: str | None = None) -> None:
+        self.where, self.found, self.expected, self.hint = where, found, expected, hint
+        message = f"{where}: found {found}, expected {expected}."
+        super().__init__(message if hint is None else f"{message} {hint}")
+
+
+class RobotFileError(ArmonicError):
+    """The robot description is malformed or physically impossible."""
+
+
+class PostureError(ArmonicError):
+    """A posture, velocity, wrench or frame does not fit the robot."""
+
+
+class ModelError(ArmonicError):
+    """A computation has no answer for this model (singular mass matrix, no equilibrium, resonance hit exactly)."""
+
+
+class DataFileError(ArmonicError):
+    """A measurement file cannot be read or written."""
+
+
+class FrfError(ArmonicError):
+    """The arrays or labels of a frequency response do not fit each other or the task."""
+
+
+class UpdateError(ArmonicError):
+    """A fitting problem is not well posed: parameters, bounds, weights or measurements."""

@@ -1,0 +1,114 @@
+"""Universal files out: frequency responses as data sets 58 (text) or 58b (binary) in SI units."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armonic.errors import DataFileError
+from armonic.uff_reader import FREQUENCY, FRF, HEADER_LINES, Function
+
+
+def encode(functions: Iterable[Function], *, binary: bool, title: str) -> bytes:
+    """A universal file: header (151), SI units (164) and one data set 58 or 58b in double precision each.
+
+    Text keeps 13 digits of the values and about 10 of the frequencies; binary keeps every bit of the values.
+
+    Args:
+        functions: what to write; their values must be in SI units.
+        binary: write 58b instead of text.
+        title: the name of the model in the header.
+
+    Raises:
+        DataFileError: frequencies are too close to each other to be told apart in text.
+    """
+    return b"".join([_header(title), *(_encode_58(function, binary=binary) for function in functions)])
+
+
+def _encode_58(function: Function, *, binary: bool) -> bytes:
+    f, H = function.freq_hz, function.values
+    start, step, even = _spacing(f)
+    columns = [H.real, H.imag] if even else [f, H.real, H.imag]
+    (node, direction), (from_node, from_direction) = function.response, function.reference
+    payload = np.column_stack(columns).astype("<f8").tobytes() if binary else _text_values(f, H, even=even)
+    size = f"b{1:6d}{2:6d}{HEADER_LINES:12d}{len(payload):12d}{0:6d}{0:6d}{0:12d}{0:12d}" if binary else ""
+    lines = [
+        "    -1",
+        f"    58{size}",
+        *(_id_line(text) for text in (function.title, "", _now(), function.note, "")),
+        f"{FRF:5d}{0:10d}{0:5d}{0:10d} {'NONE':10}{node:10d}{direction:4d}"
+        f" {'NONE':10}{from_node:10d}{from_direction:4d}",
+        f"{6:10d}{f.size:10d}{even:10d}{start:>13}{step:>13}{'0.00000e+00':>13}",
+        *(
+            f"{number:10d}{0:5d}{0:5d}{0:5d} {label:20.20} {unit:20.20}"
+            for number, label, unit in (
+                (FREQUENCY, "Frequency", "Hz"),
+                (function.response_type, "Response", function.response_unit),
+                (function.reference_type, "Reference", function.reference_unit),
+                (0, "NONE", "NONE"),
+            )
+        ),
+    ]
+    return _ascii(lines) + payload + b"    -1\n"
+
+
+def _spacing(f: NDArray[np.float64]) -> tuple[str, str, bool]:
+    """Start and step as text, and whether they give back every frequency."""
+    zero = "0.00000e+00"
+    if f.size == 1:
+        return decimal(f[0]), zero, True
+    start, step = decimal(f[0]), decimal((f[-1] - f[0]) / (f.size - 1))
+    off = np.abs(float(start) + float(step) * np.arange(f.size) - f).max()
+    even = bool(off <= min(1e-9 * f[-1], 1e-3 * np.diff(f).min()))
+    return (start, step, True) if even else (zero, zero, False)
+
+
+def _text_values(f: NDArray[np.float64], H: NDArray[np.complex128], *, even: bool) -> bytes:
+    if even:
+        numbers = np.column_stack([H.real, H.imag]).ravel()
+        full, rest = divmod(numbers.size, 4)
+        form = ("%20.12e" * 4 + "\n") * full + ("%20.12e" * rest + "\n" if rest else "")
+        return (form % tuple(numbers)).encode()
+    abscissas = [decimal(value) for value in f]
+    if not (np.diff([float(text) for text in abscissas]) > 0).all():
+        raise DataFileError(
+            "freq_hz",
+            found="unevenly spaced frequencies that differ only after the tenth digit",
+            expected="frequencies which a universal file in text can tell apart",
+            hint="Write it with binary=True, or as CSV.",
+        )
+    rows = zip(abscissas, H.real, H.imag, strict=True)
+    return "".join(f"{text:>13}{re:20.12e}{im:20.12e}\n" for text, re, im in rows).encode()
+
+
+def decimal(value: float) -> str:
+    """The closest decimal number within 12 characters; always with a point, which Fortran needs."""
+    return next(text for n in range(11, 0, -1) if len(text := f"{value:#.{n}g}") <= 12)
+
+
+def _header(title: str) -> bytes:
+    one, zero = "1.00000000000000000D+00", "0.00000000000000000D+00"
+    stamp = f"{_now():20}"
+    return _ascii(
+        [
+            *("    -1", "   151", _id_line(title), "NONE", "Armonic"),
+            *(f"{stamp}{0:10d}{0:10d}{0:10d}", stamp, "Armonic", stamp, "    -1"),
+            *("    -1", "   164", f"{1:10d}{'SI: Meter (newton)':20}{1:10d}"),
+            *(f"{one:>25}{one:>25}{one:>25}", f"{zero:>25}", "    -1"),
+        ]
+    )
+
+
+def _id_line(text: str) -> str:
+    return " ".join(text.split()) or "NONE"
+
+
+def _now() -> str:
+    return time.strftime("%d-%b-%y %H:%M:%S")
+
+
+def _ascii(lines: Iterable[str]) -> bytes:
+    return "".join(f"{line:.80}\n" for line in lines).encode("ascii", "replace")
