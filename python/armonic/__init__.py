@@ -1,0 +1,101 @@
+"""Armonic: the vibration of flexible-joint robots, from a robot file and measured FRFs to a verified dynamic model.
+
+    import armonic as am
+
+    robot = am.load("kuka_kr90")
+    modes = am.modes(robot, "milling")
+    H = am.frf(robot, "milling", freq_hz, frame="sensor")
+    fit = am.update(robot, [am.Measurement(H, posture="milling", frame="sensor")])
+
+Every public name is imported when it is first used, so that importing armonic costs next to nothing. Modules are nouns
+and functions verbs, so that no module hides a function.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from armonic.catalog import names as robots
+    from armonic.checks import Finding, check
+    from armonic.errors import (
+        ArmonicError,
+        DataFileError,
+        FrfError,
+        ModelError,
+        PostureError,
+        RobotFileError,
+        UpdateError,
+    )
+    from armonic.files import read_frf, write_frf
+    from armonic.linear import LinearModel, linearize
+    from armonic.modal import Modes, mac, modes
+    from armonic.report import write_report
+    from armonic.response import Frf
+    from armonic.robot import Robot, load
+    from armonic.synthesis import frf, responses
+    from armonic.updating import Fit, FittedParameter, Measurement, peak_weights, update
+
+__all__ = [
+    "ArmonicError",
+    "DataFileError",
+    "Finding",
+    "Fit",
+    "FittedParameter",
+    "Frf",
+    "FrfError",
+    "LinearModel",
+    "Measurement",
+    "ModelError",
+    "Modes",
+    "PostureError",
+    "Robot",
+    "RobotFileError",
+    "UpdateError",
+    "check",
+    "frf",
+    "linearize",
+    "load",
+    "mac",
+    "modes",
+    "peak_weights",
+    "read_frf",
+    "responses",
+    "robots",
+    "update",
+    "write_frf",
+    "write_report",
+]
+
+__version__ = "0.1.0"
+
+_HOME = {
+    "catalog": ("robots",),
+    "checks": ("Finding", "check"),
+    "errors": (
+        "ArmonicError", "DataFileError", "FrfError", "ModelError", "PostureError", "RobotFileError", "UpdateError",
+    ),
+    "files": ("read_frf", "write_frf"),
+    "linear": ("LinearModel", "linearize"),
+    "modal": ("Modes", "mac", "modes"),
+    "report": ("write_report",),
+    "response": ("Frf",),
+    "robot": ("Robot", "load"),
+    "synthesis": ("frf", "responses"),
+    "updating": ("Fit", "FittedParameter", "Measurement", "peak_weights", "update"),
+}  # fmt: skip
+_MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module 'armonic' has no attribute {name!r}")
+    module = import_module(f"armonic.{_MODULE_OF[name]}")
+    value = getattr(module, "names" if name == "robots" else name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

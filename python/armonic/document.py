@@ -1,9 +1,12 @@
-"""A YAML text with its plain data, the place of every value in it, and edits that leave all else as it was."""
+"""A YAML text with its plain data, the place of every value in it, and edits that leave the rest alone."""
 
 from __future__ import annotations
 
+import contextlib
 import math
+import os
 import re
+import shutil
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,7 +24,7 @@ from ruamel.yaml.events import (
     ScalarEvent,
 )
 
-from armonic.errors import RobotFileError
+from armonic.errors import DataFileError, RobotFileError
 from armonic.units import shown
 
 MAX_BYTES: Final = 1 << 20
@@ -61,8 +64,8 @@ class Document:
         origin: the file's name for error messages.
 
     Raises:
-        RobotFileError: the text is not one well-formed YAML document, or uses anchors, aliases, tags, directives,
-            duplicate keys, keys that are not texts, or nesting deeper than `MAX_DEPTH`.
+        RobotFileError: the text is not one well-formed YAML document, or uses anchors, aliases, tags,
+            directives, duplicate keys, keys that are not texts, or nesting deeper than `MAX_DEPTH`.
 
     """
 
@@ -121,6 +124,14 @@ def dotted(location: Location, data: Any) -> str:
     return path
 
 
+def is_file(path: Path) -> bool:
+    """Whether there is a regular file; False where the path is one that no file can have."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
 def read_text(path: Path) -> str:
     """The text of a file of at most 1 MiB in UTF-8, line ends as they are.
 
@@ -129,9 +140,8 @@ def read_text(path: Path) -> str:
 
     """
     origin = str(path)
-    if not path.is_file():
-        found = "something that is not a regular file" if path.exists() else "nothing there"
-        raise RobotFileError(origin, found=found, expected="a robot file (YAML)")
+    if not is_file(path):
+        raise RobotFileError(origin, found="no file there", expected="a robot file (YAML)")
     try:
         with path.open("rb") as file:
             content = file.read(MAX_BYTES + 1)
@@ -150,8 +160,37 @@ def read_text(path: Path) -> str:
         ) from error
 
 
+def write_text(path: Path, text: str) -> None:
+    """Write a file in UTF-8, whole or not at all: beside its place first, then moved there.
+
+    Raises:
+        DataFileError: the path is a directory, or the file cannot be written.
+
+    """
+    # A symbolic link stays one; what it points to is replaced.
+    target = path.resolve()
+    if target.is_dir():
+        raise DataFileError(str(path), found="a directory", expected="the path of a file to write")
+    draft = target.with_name(f".{target.name[:80]}.{os.getpid()}.tmp")
+    try:
+        with draft.open("wb") as file:
+            file.write(text.encode("utf-8"))
+            file.flush()
+            os.fsync(file.fileno())
+        if target.exists():
+            shutil.copymode(target, draft)
+        draft.replace(target)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            draft.unlink()
+        found = f"a place that cannot be written ({error.strerror or error})"
+        raise DataFileError(
+            str(path), found=found, expected="a folder that exists and a writable file"
+        ) from error
+
+
 class _Reader:
-    """Builds nodes from the parser's events, without recursion, and refuses what a robot file does not need."""
+    """Builds nodes from the parser's events, without recursion, and refuses what no robot file needs."""
 
     def __init__(self, text: str, origin: str) -> None:
         self.text, self.origin = text, origin

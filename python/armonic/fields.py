@@ -25,14 +25,17 @@ DIRECTIONS: Final = ("x", "y", "z", "rx", "ry", "rz")
 _IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 
 
-class Fault(RobotFileError):
-    """An error inside a validator; `at` leads from the validated value to the fault."""
+class FieldError(RobotFileError):
+    """An error inside a validator; `at` leads from the validated value to the fault.
+
+    With `at_key` the fault is the key there, not its value.
+    """
 
     def __init__(self, found: object, expected: str, hint: str | None = None, at: Location = ()) -> None:
         super().__init__(
             "here", found=found if isinstance(found, Found) else shown(found), expected=expected, hint=hint
         )
-        self.at = at
+        self.at, self.at_key = at, False
 
 
 class Found(str):
@@ -41,22 +44,25 @@ class Found(str):
     __slots__ = ()
 
 
-def measured(value: object, dimension: Dimension, at: Location = ()) -> float:
-    """A number or a text with a unit, in SI; a `Fault` otherwise."""
+def measured(value: object, dimension: Dimension | None, at: Location = ()) -> float:
+    """A number or a text with a unit, in SI (no unit if the dimension is None); a `FieldError` otherwise."""
     try:
         return number(value, dimension)
     except ArmonicError as error:
-        raise Fault(Found(error.found), error.expected, error.hint, at) from None
+        raise FieldError(Found(error.found), error.expected, error.hint, at) from None
 
 
 def measure(dimension: Dimension) -> PlainValidator:
+    """Validates one number of a dimension."""
     return PlainValidator(lambda value: measured(value, dimension))
 
 
 def vector(dimension: Dimension) -> PlainValidator:
+    """Validates three numbers of a dimension."""
+
     def read(value: object) -> Vector3:
         if not isinstance(value, list | tuple) or len(value) != 3:
-            raise Fault(value, "a list of three numbers [x, y, z]")
+            raise FieldError(value, "a list of three numbers [x, y, z]")
         x, y, z = (measured(v, dimension, (i,)) for i, v in enumerate(value))
         return x, y, z
 
@@ -65,22 +71,22 @@ def vector(dimension: Dimension) -> PlainValidator:
 
 def _identifier(value: object) -> str:
     if not isinstance(value, str) or not _IDENTIFIER.fullmatch(value):
-        raise Fault(value, "a name: a letter or _, then letters, digits, _ or -")
+        raise FieldError(value, "a name: a letter or _, then letters, digits, _ or -")
     return value
 
 
 def _text(value: object) -> str:
     if not isinstance(value, str):
         hint = "Put it in quotes." if isinstance(value, int | float) else None
-        raise Fault(value, "a text", hint)
+        raise FieldError(value, "a text", hint)
     if not value.strip():
-        raise Fault(value, "a text that is not empty")
+        raise FieldError(value, "a text that is not empty")
     return value
 
 
 def _version(value: object) -> int:
     if type(value) is not int or value != 1:
-        raise Fault(value, "1", "This version of Armonic reads robot files of format 1.")
+        raise FieldError(value, "1", "This version of Armonic reads robot files of format 1.")
     return 1
 
 
@@ -88,65 +94,67 @@ def _axis(value: object) -> str | Vector3:
     if isinstance(value, str):
         if value in TURNS:
             return value
-        raise Fault(value, "x, y, z or a list of three numbers")
+        raise FieldError(value, "x, y, z or a list of three numbers")
     if not isinstance(value, list | tuple) or len(value) != 3:
-        raise Fault(value, "x, y, z or a list of three numbers")
-    x, y, z = (
-        measured(v, "length", (i,)) if not isinstance(v, str) else _no_unit(v, i) for i, v in enumerate(value)
-    )
+        raise FieldError(value, "x, y, z or a list of three numbers")
+    x, y, z = (measured(v, None, (i,)) for i, v in enumerate(value))
     largest = max(abs(x), abs(y), abs(z))
     if largest == 0.0:
-        raise Fault(Found("the zero vector"), "an axis: a vector that is not zero")
+        raise FieldError(Found("the zero vector"), "an axis: a vector that is not zero")
     x, y, z = x / largest, y / largest, z / largest
     length = math.hypot(x, y, z)
     return x / length, y / length, z / length
 
 
-def _no_unit(value: str, index: int) -> float:
-    raise Fault(value, "a number without a unit", at=(index,))
-
-
 def matrix6(
     translation: Dimension, rotation: Dimension, coupling: Dimension, *, nonzero: bool
 ) -> PlainValidator:
+    """Validates a 6x6 spring or damper: six diagonal entries, or a symmetric positive semidefinite matrix."""
+
     def dimension(i: int, j: int) -> Dimension:
         return (translation if i < 3 else rotation) if (i < 3) == (j < 3) else coupling
 
     def read(value: object) -> Matrix6:
         if not isinstance(value, list | tuple) or len(value) != 6:
-            raise Fault(value, f"a list of six numbers ({', '.join(DIRECTIONS)}) or a 6x6 symmetric list")
+            raise FieldError(
+                value, f"a list of six numbers ({', '.join(DIRECTIONS)}) or a 6x6 symmetric list"
+            )
         matrix = np.zeros((6, 6))
         if any(isinstance(row, list | tuple) for row in value):
             for i, row in enumerate(value):
                 if not isinstance(row, list | tuple) or len(row) != 6:
-                    raise Fault(row, "a row of six numbers", at=(i,))
+                    raise FieldError(row, "a row of six numbers", at=(i,))
                 matrix[i] = [measured(v, dimension(i, j), (i, j)) for j, v in enumerate(row)]
             _refuse_bad_spring_matrix(matrix)
         else:
             for i, entry in enumerate(value):
                 matrix[i, i] = measured(entry, dimension(i, i), (i,))
                 if matrix[i, i] < 0.0:
-                    raise Fault(entry, "a number, 0 or larger", at=(i,))
+                    raise FieldError(entry, "a number, 0 or larger", at=(i,))
         if nonzero and not matrix.any():
-            raise Fault(Found("six zeros"), "a stiffness in at least one direction")
+            raise FieldError(Found("six zeros"), "a stiffness in at least one direction")
         return tuple(tuple(row) for row in matrix.tolist())
 
     return PlainValidator(read)
 
 
 def _refuse_bad_spring_matrix(matrix: NDArray[np.float64]) -> None:
+    root = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     for i in range(6):
+        if matrix[i, i] < 0.0:
+            raise FieldError(matrix[i, i].item(), "a number, 0 or larger", at=(i, i))
         for j in range(i):
             if matrix[i, j] != matrix[j, i]:
-                raise Fault(matrix[i, j].item(), f"{matrix[j, i]:g} as in row {j + 1}: symmetric", at=(i, j))
-    diagonal = np.diag(matrix)
-    if (diagonal < 0.0).any():
-        i = int(np.argmin(diagonal))
-        raise Fault(diagonal[i].item(), "a number, 0 or larger", at=(i, i))
+                expected = f"{matrix[j, i]:g} as in row {j + 1}: symmetric"
+                raise FieldError(matrix[i, j].item(), expected, at=(i, j))
+            largest = root[i] * root[j]
+            if abs(matrix[i, j]) > largest * (1.0 + 1e-9):
+                expected = f"at most {largest:g}, or the spring could release energy"
+                raise FieldError(matrix[i, j].item(), expected, at=(i, j))
     # Scaled to a unit diagonal, so that N/m and N m/rad weigh the same; rounded tables need the tolerance.
-    scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-    if np.linalg.eigvalsh(matrix * np.outer(scale, scale))[0] < -1e-9:
-        raise Fault(Found("a matrix that can release energy"), "a positive semidefinite matrix")
+    root[root == 0.0] = 1.0
+    if np.linalg.eigvalsh(matrix / root / root[:, None])[0] < -1e-9:
+        raise FieldError(Found("a matrix with a negative eigenvalue"), "a positive semidefinite matrix")
 
 
 Name = Annotated[str, PlainValidator(_identifier)]

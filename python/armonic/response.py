@@ -22,7 +22,7 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 class Frf:
     """A matrix of frequency responses over one set of frequency lines; immutable.
 
-    Arrays are copied and made read-only. Two instances are equal only if they are the same object.
+    Arrays are copied in C order and made read-only. Two instances are equal only if they are the same object.
 
     Args:
         freq_hz: (L,) frequencies in Hz, finite, not negative, strictly increasing.
@@ -61,15 +61,15 @@ class Frf:
             raise FrfError(where, found=f"shape {f.shape}", expected="shape (L,) with at least one line")
         if not np.isfinite(f).all():
             line = int(np.argmin(np.isfinite(f)))
-            raise FrfError(where, found=f"{f[line]} at line {line}", expected="finite frequencies in Hz")
+            raise FrfError(where, found=f"{f[line]} at index {line}", expected="finite frequencies in Hz")
         if f[0] < 0:
-            raise FrfError(where, found=f"{f[0]:g} Hz at line 0", expected="frequencies of at least 0 Hz")
+            raise FrfError(where, found=f"{f[0]:g} Hz at index 0", expected="frequencies of at least 0 Hz")
         rising = f[1:] > f[:-1]
         if not rising.all():
             line = int(np.argmin(rising)) + 1
             raise FrfError(
                 where,
-                found=f"{f[line]:.9g} Hz at line {line} after {f[line - 1]:.9g} Hz",
+                found=f"{f[line]:.9g} Hz at index {line} after {f[line - 1]:.9g} Hz",
                 expected="strictly increasing frequencies",
             )
 
@@ -200,7 +200,7 @@ def _read_only(where: str, data: Any, dtype: type[np.generic]) -> NDArray[Any]:
     try:
         if dtype is np.float64 and np.iscomplexobj(data):
             raise TypeError("complex numbers")
-        array = np.array(data, dtype=dtype)
+        array = np.array(data, dtype=dtype, order="C")
     except (TypeError, ValueError, OverflowError) as error:
         expected = f"an array of {'real' if dtype is np.float64 else 'complex'} numbers"
         raise FrfError(where, found=f"{type(data).__name__} ({error})", expected=expected) from error

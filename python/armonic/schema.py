@@ -22,7 +22,7 @@ from armonic.fields import (
     MOVES,
     TURNS,
     Axis,
-    Fault,
+    FieldError,
     Found,
     Matrix6,
     Name,
@@ -50,7 +50,7 @@ class _Part(BaseModel):
 
 
 class Motion(_Part):
-    """One elementary motion of a placement: a displacement (x, y, z together) or a rotation about one axis."""
+    """One elementary motion: a displacement (x, y, z together) or a rotation about one axis."""
 
     what = "a motion such as {x: 350 mm} or {rx: 90 deg}"
 
@@ -67,7 +67,7 @@ class Motion(_Part):
         if not given or (len(given) > 1 and any(key in ("rx", "ry", "rz") for key in given)):
             hint = "Motions are applied left to right: give each rotation its own entry."
             found = Found(f"the keys {', '.join(given)}" if given else "no key")
-            raise Fault(found, "any of x, y, z, or one of rx, ry, rz", hint)
+            raise FieldError(found, "any of x, y, z, or one of rx, ry, rz", hint)
         return self
 
 
@@ -82,9 +82,9 @@ class Joint(_Part):
     @model_validator(mode="after")
     def _has_axis_if_it_moves(self) -> Joint:
         if self.type == "fixed" and self.axis is not None:
-            raise Fault(Found("an axis on a fixed joint"), "no axis", at=("axis",))
+            raise FieldError(Found("an axis on a fixed joint"), "no axis", at=("axis",))
         if self.type != "fixed" and self.axis is None:
-            raise Fault(Found("no axis"), f"the axis of the {self.type} joint: x, y, z or a vector")
+            raise FieldError(Found("no axis"), f"the axis of the {self.type} joint: x, y, z or a vector")
         return self
 
     @property
@@ -116,7 +116,7 @@ class Spring(_Part):
         result = _in_unit(value)
         if result < 0.0 or (result == 0.0 and info.field_name == "stiffness"):
             expected = "a positive number" if info.field_name == "stiffness" else "a number, 0 or larger"
-            raise Fault(_raw(value), expected)
+            raise FieldError(_raw(value), expected)
         return result
 
     @field_validator("stiffness_bounds", "damping_bounds", mode="plain")
@@ -124,13 +124,13 @@ class Spring(_Part):
     def _bounds(cls, value: object, info: ValidationInfo) -> tuple[float, float]:
         raw, dimension = value if isinstance(value, _InUnit) else (value, None)
         if not isinstance(raw, list | tuple) or len(raw) != 2:
-            raise Fault(raw, "a list [lowest, highest]")
+            raise FieldError(raw, "a list [lowest, highest]")
         low, high = (_in_unit(_InUnit(v, dimension), (i,)) for i, v in enumerate(raw))
         if not 0.0 < low < high:
-            raise Fault(Found(f"[{low:g}, {high:g}]"), "two positive numbers, the smaller one first")
+            raise FieldError(Found(f"[{low:g}, {high:g}]"), "two positive numbers, the smaller one first")
         inside = info.data.get(str(info.field_name).removesuffix("_bounds"))
         if inside is not None and not low <= inside <= high:
-            raise Fault(Found(f"[{low:g}, {high:g}]"), f"bounds that contain the value {inside:g}")
+            raise FieldError(Found(f"[{low:g}, {high:g}]"), f"bounds that contain the value {inside:g}")
         return low, high
 
 
@@ -143,7 +143,7 @@ class _InUnit(NamedTuple):
 
 def _in_unit(value: object, at: Location = ()) -> float:
     raw, dimension = value if isinstance(value, _InUnit) else (value, None)
-    return measured(raw, dimension or "rotational stiffness", at)
+    return measured(raw, dimension, at)
 
 
 def _raw(value: object) -> object:
@@ -151,12 +151,12 @@ def _raw(value: object) -> object:
 
 
 def _spring(value: object, handler: Callable[[object], Spring]) -> Spring | None:
-    if isinstance(value, Fault):
+    if isinstance(value, FieldError):
         raise value
     if value == "free":
         return None
     if not isinstance(value, dict):
-        raise Fault(value, Spring.what)
+        raise FieldError(value, Spring.what)
     return handler(value)
 
 
@@ -205,18 +205,18 @@ class Link(_Part):
     @classmethod
     def _is_not_base(cls, value: str) -> str:
         if value == "base":
-            raise Fault(value, "another name", "`base` is the ground that the first link stands on.")
+            raise FieldError(value, "another name", "`base` is the ground that the first link stands on.")
         return value
 
     @field_validator("elasticity", mode="before")
     @classmethod
     def _fits_joint(cls, value: object, info: ValidationInfo) -> object:
-        """Give every spring the dimension of its coordinate, or a fault if the joint has no such coordinate."""
+        """Give every spring the dimension of its coordinate, or an error if the joint has no such one."""
         joint = info.data.get("joint")
         if not isinstance(value, dict) or not isinstance(joint, Joint):
             return value
         return {
-            key: _fault_of_key(key, joint) or _with_dimension(key, spring, joint)
+            key: _error_of_key(key, joint) or _with_dimension(key, spring, joint)
             for key, spring in value.items()
         }
 
@@ -224,14 +224,14 @@ class Link(_Part):
     @classmethod
     def _is_not_negative(cls, value: float) -> float:
         if value < 0.0:
-            raise Fault(value, "a mass, 0 or larger")
+            raise FieldError(value, "a mass, 0 or larger")
         return value
 
     @model_validator(mode="after")
     def _has_mass_if_inertia(self) -> Link:
         if self.mass == 0.0 and any(any(row) for row in self.inertia.matrix()):
             found = Found("an inertia without a mass")
-            raise Fault(found, "a positive mass, or no inertia", at=("inertia",))
+            raise FieldError(found, "a positive mass, or no inertia", at=("inertia",))
         return self
 
     @property
@@ -248,18 +248,18 @@ class Link(_Part):
         return tuple(result)
 
 
-def _fault_of_key(key: str, joint: Joint) -> Fault | None:
+def _error_of_key(key: str, joint: Joint) -> FieldError | None:
     known = (*TURNS, *MOVES, *(["joint"] if joint.own == "joint" else []))
     if key not in known:
         hint = None
         if key == "joint" and joint.own is not None:
             hint = f"The coordinate of this joint is called {joint.own}."
-        return Fault(Found(f"the axis key {shown(key)}"), f"one of {', '.join(known)}", hint)
+        return FieldError(Found(f"the axis key {shown(key)}"), f"one of {', '.join(known)}", hint)
     if joint.own == "joint" and key != "joint" and joint.kind(key) == joint.kind("joint"):
         assert isinstance(joint.axis, tuple)
         along = math.fsum(a * b for a, b in zip(joint.axis, {**TURNS, **MOVES}[key], strict=True))
         if abs(along) > 1.0 - 1e-12:
-            return Fault(Found(f"{key} along the joint's own axis"), "the key joint for that axis")
+            return FieldError(Found(f"{key} along the joint's own axis"), "the key joint for that axis")
     return None
 
 
@@ -306,16 +306,16 @@ class BushingEntry(_Part):
     @classmethod
     def _two_frames(cls, value: object) -> object:
         if not isinstance(value, list | tuple) or len(value) != 2:
-            raise Fault(value, "a list of two frames")
+            raise FieldError(value, "a list of two frames")
         if value[0] == value[1]:
-            raise Fault(Found(f"{shown(value[0])} twice"), "two different frames")
+            raise FieldError(Found(f"{shown(value[0])} twice"), "two different frames")
         return value
 
     @field_validator("rest", mode="after")
     @classmethod
     def _posture(cls, value: object) -> object:
         if not isinstance(value, str | list | tuple):
-            raise Fault(value, "the name of a posture or a list of joint coordinates")
+            raise FieldError(value, "the name of a posture or a list of joint coordinates")
         return value
 
 

@@ -76,7 +76,8 @@ def si_unit(dimension: Dimension) -> str:
 def quantity(text: str, dimension: Dimension) -> float:
     """Read a number with its unit.
 
-    Factors may be joined by a space, ``*`` or ``·``, or written together ("Nm/rad"); a square is ``^2`` or ``²``.
+    Factors may be joined by a space, ``*`` or ``·``, or written together ("Nm/rad"); a square is ``^2``
+    or ``²``.
 
     Args:
         text: the number and its unit, for example "70 deg", "350 mm", "2.8 MN m/rad".
@@ -86,19 +87,19 @@ def quantity(text: str, dimension: Dimension) -> float:
         The value in the SI unit of the dimension.
 
     Raises:
-        RobotFileError: the text is not a number with a unit, the unit is unknown or of another dimension, or the
-            value is not finite.
+        RobotFileError: the text is not a number with a unit, the unit is unknown or of another dimension, or
+            the value is not finite.
 
     """
     return number(text, dimension)
 
 
-def number(value: object, dimension: Dimension) -> float:
+def number(value: object, dimension: Dimension | None) -> float:
     """Read a finite number in SI, or a text with a number and its unit (see `quantity`).
 
     Args:
         value: an int or float (in SI), or a text.
-        dimension: what the number must measure.
+        dimension: what the number must measure; None for a pure number, which takes no text.
 
     Returns:
         The value in the SI unit of the dimension.
@@ -107,32 +108,29 @@ def number(value: object, dimension: Dimension) -> float:
         RobotFileError: the value is neither, or is not finite, or is larger than `LARGEST`.
 
     """
-    expected = (
-        f"a number in {si_unit(dimension)}, or a text with a number and one of {', '.join(UNITS[dimension])}"
-    )
-    if isinstance(value, str):
-        result = _with_unit(value, dimension, expected)
+    if isinstance(value, str) and dimension is not None:
+        result = _with_unit(value, dimension)
     elif isinstance(value, int | float) and not isinstance(value, bool):
         result = _as_float(value)
     else:
-        raise _refusal(value, dimension, expected)
+        raise _refusal(value, dimension)
     if not abs(result) <= LARGEST:
-        raise _refusal(value, dimension, f"a finite number, at most {LARGEST:g} in {si_unit(dimension)}")
+        raise RobotFileError(
+            dimension or "number", found=shown(value), expected=f"a finite number, at most {LARGEST:g}"
+        )
     return result
 
 
-def _with_unit(text: str, dimension: Dimension, expected: str) -> float:
+def _with_unit(text: str, dimension: Dimension) -> float:
     match = _NUMBER_THEN_UNIT.fullmatch(text.strip())
     if match is None:
-        hint = "Write a decimal point, not a comma." if re.match(r"\s*[+-]?\d*,\d", text) else None
-        raise _refusal(text, dimension, expected, hint)
+        raise _refusal(text, dimension)
     figures, written = match.groups()
     if not written:
-        hint = f"Write it without quotes if it is in {si_unit(dimension)}."
-        raise _refusal(text, dimension, expected, hint)
+        raise _refusal(text, dimension, f"Write it without quotes if it is in {si_unit(dimension)}.")
     unit = _unit_name(written, dimension)
     if unit is None:
-        raise _refusal(text, dimension, expected, _why_not(written))
+        raise _refusal(text, dimension, _why_not(written))
     return float(figures) * UNITS[dimension][unit]
 
 
@@ -174,8 +172,12 @@ def _short(value: object) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-def _refusal(value: object, dimension: Dimension, expected: str, hint: str | None = None) -> RobotFileError:
-    return RobotFileError(dimension, found=shown(value), expected=expected, hint=hint)
+def _refusal(value: object, dimension: Dimension | None, hint: str | None = None) -> RobotFileError:
+    expected = "a number"
+    if dimension is not None:
+        units = ", ".join(UNITS[dimension])
+        expected += f" in {si_unit(dimension)}, or a text with a number and one of the units {units}"
+    return RobotFileError(dimension or "number", found=shown(value), expected=expected, hint=hint)
 
 
 def shown(value: object) -> str:

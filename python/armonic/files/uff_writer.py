@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armonic.errors import DataFileError
-from armonic.uff_reader import FREQUENCY, FRF, HEADER_LINES, Function
+from armonic.files.uff_reader import FREQUENCY, FRF, HEADER_LINES, Function
 
 
 def encode(functions: Iterable[Function], *, binary: bool, title: str) -> bytes:

@@ -1,8 +1,8 @@
 """Universal files in: every frequency response of data set 58, in text or binary, with its units.
 
 The format is that of the UC-SDRL storehouse of universal files, data sets 58, 58b, 151 and 164. The reader is
-our own because a measurement must never be read in part: every count, field and number is checked, and what does
-not fit is a `DataFileError` that names the line. Other data sets and function types are passed over.
+our own because a measurement must never be read in part: every count, field and number is checked, and what
+does not fit is a `DataFileError` that names the line. Other data sets and function types are passed over.
 """
 
 from __future__ import annotations
@@ -44,6 +44,9 @@ class Units(NamedTuple):
     code: int = 0  # 1 is SI, 0 says that the file has no data set 164
 
 
+_SI = Units()
+
+
 @dataclass(frozen=True, eq=False)
 class Function:
     """One frequency response of a file, in the units of the file.
@@ -62,7 +65,7 @@ class Function:
     reference_unit: str
     title: str
     note: str
-    units: Units
+    units: Units = _SI
     line: int = 0
 
 
@@ -82,7 +85,7 @@ def parse(data: bytes, name: str) -> tuple[list[Function], list[str]]:
     reader = _Reader(data.removeprefix(b"\xef\xbb\xbf"), name)
     functions: list[Function] = []
     ignored: Counter[str] = Counter()
-    units = Units()
+    units = _SI
     if _NOTHING_MORE.match(reader.data):
         raise DataFileError(name, found="an empty file", expected="a universal file with data sets 58")
     with np.errstate(all="ignore"):  # overflow and NaN are caught as numbers that are not finite
@@ -246,10 +249,11 @@ def _read_58(reader: _Reader, units: Units, binary: str | None) -> tuple[int, Fu
         table = _text_table(reader, count, even=spacing == 1)
     else:
         table = _binary_table(reader, binary, count, double=storage == 6, even=spacing == 1)
-    if not np.isfinite(table).all():
+    freq_hz = np.float64(start) + step * np.arange(count) if spacing == 1 else table[:, 0]
+    if not (np.isfinite(table).all() and np.isfinite(freq_hz).all()):
         raise reader.error("NaN or infinity among the values", "finite numbers", at=reader.start)
     return kind, Function(
-        freq_hz=np.float64(start) + step * np.arange(count) if spacing == 1 else table[:, 0],
+        freq_hz=freq_hz,
         values=table[:, -2] + 1j * table[:, -1],
         response=(nodes[0], directions[0]),
         reference=(nodes[1], directions[1]),

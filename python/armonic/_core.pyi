@@ -1,0 +1,75 @@
+"""Compiled core of Armonic (Rust): the mechanism's algorithms, frequency responses, and the fitting residual.
+
+Arguments are float64 or complex128 arrays. Arguments that do not fit raise ValueError; a computation without an answer
+(singular mass matrix or dynamic stiffness) raises ArithmeticError. `Wrench` is a frame index with force over moment in
+world axes.
+"""
+
+from collections.abc import Sequence
+from typing import TypeAlias, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+_Real: TypeAlias = NDArray[np.float64]
+_Complex: TypeAlias = NDArray[np.complex128]
+_Wrench: TypeAlias = tuple[int, Sequence[float]]
+
+@final
+class Mechanism:
+    def __new__(
+        cls,
+        *,
+        parents: Sequence[int],
+        placements: _Real,
+        kinds: Sequence[str],
+        axes: _Real,
+        masses: _Real,
+        coms: _Real,
+        inertias: _Real,
+        frame_nodes: Sequence[int],
+        frame_placements: _Real,
+        gravity: Sequence[float],
+    ) -> Mechanism: ...
+    @property
+    def n(self) -> int: ...
+    def pose(self, q: _Real, frame: int) -> _Real: ...
+    def jacobian(self, q: _Real, frame: int, *, own_axes: bool = False) -> _Real: ...
+    def mass_matrix(self, q: _Real) -> _Real: ...
+    def gravity_torque(self, q: _Real) -> _Real: ...
+    def bias(self, q: _Real, qd: _Real) -> _Real: ...
+    def inverse_dynamics(self, q: _Real, qd: _Real, qdd: _Real, *, wrenches: Sequence[_Wrench] = []) -> _Real: ...
+    def forward_dynamics(self, q: _Real, qd: _Real, tau: _Real, *, wrenches: Sequence[_Wrench] = []) -> _Real: ...
+    def linearize(
+        self,
+        q: _Real,
+        qd: _Real,
+        qdd: _Real,
+        *,
+        wrenches: Sequence[_Wrench] = [],
+        bushings: Sequence[Bushing] = [],
+    ) -> _Real: ...
+
+@final
+class Bushing:
+    def __new__(
+        cls, mechanism: Mechanism, frame_a: int, frame_b: int, *, stiffness: _Real, damping: _Real, rest: _Real
+    ) -> Bushing: ...
+    def directions(self, mechanism: Mechanism, q: _Real) -> _Real: ...
+    def force(self, mechanism: Mechanism, q: _Real, qd: _Real) -> _Real: ...
+
+@final
+class LinearSystem:
+    def __new__(
+        cls, *, mass: _Real, damping: _Real, stiffness: _Real, directions: _Real, outputs: _Real, inputs: _Real
+    ) -> LinearSystem: ...
+
+@final
+class Problem:
+    def __new__(cls, targets: Sequence[tuple[LinearSystem, _Complex, _Complex, _Real]]) -> Problem: ...
+    def reduce(self, stiffness: _Real, damping: _Real, free: Sequence[int]) -> _Real: ...
+    def costs(self, stiffness: _Real, damping: _Real) -> _Real: ...
+
+def responses(
+    systems: Sequence[LinearSystem], stiffness: _Real, damping: _Real, s: _Complex, *, sensitivities: bool = False
+) -> tuple[_Complex, _Complex | None]: ...

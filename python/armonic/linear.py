@@ -1,0 +1,259 @@
+"""Linear models: mass, damping and stiffness of a robot at a posture, at rest or moving."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+import numpy as np
+
+from armonic import _core
+from armonic.errors import ModelError, PostureError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from armonic.robot import Robot
+
+    Array: TypeAlias = NDArray[np.float64]
+    Posture: TypeAlias = str | Sequence[float] | NDArray[np.float64] | Mapping[str, float]
+
+Equilibrium = Literal["reference", "static"]
+"""Where a model is linearized: at the posture as given, or where the robot settles under gravity and wrench."""
+
+NEWTON_STEPS = 50
+
+
+@dataclass(frozen=True)
+class LinearModel:
+    """M δq̈ + C δq̇ + K δq = δτ in the coordinates that can deflect (Huynh et al. 2021, Eq. 16).
+
+    Locked coordinates (those without elasticity) have dropped out. Everything is SI and radians.
+
+    Attributes:
+        robot: the robot that was linearized.
+        posture: name of the posture, or its numbers as text.
+        q: all coordinates of the operating point, (n_all,).
+        coordinates: names of the n coordinates that are left.
+        mass: M, (n, n), kg m² or kg.
+        damping: C with joint dampers and gyroscopic terms, (n, n).
+        stiffness: K with joint springs, gravity, wrench and bushings, (n, n).
+        free_damping: C without the impedances below, (n, n).
+        free_stiffness: K without the impedances below, (n, n).
+        impedances: names of the r spring-dampers, as paths into the description.
+        directions: coordinate-space direction of each spring-damper, (r, n).
+        spring: their stiffness, (r,).
+        damper: their damping, (r,).
+    """
+
+    robot: Robot = field(repr=False)
+    posture: str
+    q: Array
+    coordinates: tuple[str, ...]
+    mass: Array
+    damping: Array
+    stiffness: Array
+    free_damping: Array
+    free_stiffness: Array
+    impedances: tuple[str, ...]
+    directions: Array
+    spring: Array
+    damper: Array
+
+    def jacobian(self, frame: str) -> Array:
+        """Jacobian of a frame in the frame's own axes, (6, n): velocity x y z over angular velocity rx ry rz.
+
+        Args:
+            frame: name of a frame or link of the robot.
+
+        Raises:
+            PostureError: no such frame.
+        """
+        rows = self.robot.mechanism.jacobian(self.q, self.robot.frame_index(frame), own_axes=True)
+        return rows[:, self.robot.flexible]
+
+    def state_matrix(self) -> Array:
+        """A of ẋ = A x with x = [δq; δq̇], (2n, 2n) (Do et al. 2022, Eq. 14)."""
+        n = len(self.coordinates)
+        factor = self.mass_factor
+        lower = np.hstack([self.stiffness, self.damping])
+        solved = np.linalg.solve(factor.T, np.linalg.solve(factor, lower))
+        return np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), -solved])
+
+    @cached_property
+    def mass_factor(self) -> Array:
+        """Lower Cholesky factor L of M = L Lᵀ, (n, n).
+
+        Raises:
+            ModelError: M is not positive definite.
+        """
+        try:
+            return np.linalg.cholesky(self.mass)
+        except np.linalg.LinAlgError:
+            raise ModelError(
+                f"{self.robot.name}, posture {self.posture}",
+                found="a mass matrix that is not positive definite",
+                expected="mass behind every coordinate",
+                hint="Run `armonic check` on the robot file: a link at the end of the tree may lack its inertia.",
+            ) from None
+
+
+def linearize(
+    robot: Robot,
+    posture: Posture,
+    *,
+    velocity: ArrayLike | None = None,
+    acceleration: ArrayLike | None = None,
+    wrench: ArrayLike | None = None,
+    frame: str | None = None,
+    equilibrium: Equilibrium = "reference",
+) -> LinearModel:
+    """Linearizes a robot about an operating point by analytic derivatives.
+
+    M, C = ∂f/∂q̇ and K = ∂f/∂q of f(q, q̇, q̈) = M q̈ + b + g − Jᵀ w + springs and dampers (Huynh et al. 2021, Eqs. 14
+    to 17; Do et al. 2022, Eq. 12). The joint springs are unloaded in `posture`.
+
+    Args:
+        robot: the robot.
+        posture: a posture's name, or the joint coordinates (rad, m).
+        velocity: coordinate velocities, one per joint or per coordinate; at rest if not given.
+        acceleration: coordinate accelerations, likewise.
+        wrench: force (N) over moment (N m) on the robot at the origin of `frame`, constant in world axes, (6,).
+        frame: where the wrench acts.
+        equilibrium: "reference" linearizes at `posture` itself, as the paper does; "static" where the robot comes to
+            rest when gravity and the wrench load the springs (Newton's method).
+
+    Raises:
+        PostureError: posture, velocity, wrench or frame do not fit the robot.
+        ModelError: every coordinate is locked, or there is no static equilibrium.
+    """
+    q = robot.posture(posture)
+    label = posture if isinstance(posture, str) else np.array2string(q, precision=4, separator=", ")
+    rates = [np.zeros_like(q) if v is None else robot.posture(np.asarray(v, float)) for v in (velocity, acceleration)]
+    keep = np.flatnonzero(robot.flexible)
+    if keep.size == 0:
+        raise ModelError(
+            robot.name,
+            found="no coordinate with elasticity",
+            expected="at least one",
+            hint="Give a joint an `elasticity` with stiffness and damping.",
+        )
+    wrenches = _wrenches(robot, wrench, frame)
+    bushings = _bushings(robot, q)
+    if equilibrium == "static":
+        q = _settle(robot, label, q, wrenches, bushings, keep)
+    elif equilibrium != "reference":
+        raise PostureError("equilibrium", found=repr(equilibrium), expected='"reference" or "static"')
+    tangent = robot.mechanism.linearize(q, rates[0], rates[1], wrenches=wrenches, bushings=bushings)
+    mass, damping, stiffness = tangent[:, keep[:, None], keep]
+    impedances, directions, spring, damper, in_tangent = _impedances(robot, q, bushings, keep)
+    # The tangent holds the bushings whole; those of their springs that stand in the list are taken out again.
+    held = directions[in_tangent]
+    free_stiffness = stiffness - held.T @ (spring[in_tangent, None] * held)
+    free_damping = damping - held.T @ (damper[in_tangent, None] * held)
+    return LinearModel(
+        robot=robot,
+        posture=label,
+        q=q,
+        coordinates=tuple(robot.coordinates[i] for i in keep),
+        mass=mass,
+        damping=free_damping + directions.T @ (damper[:, None] * directions),
+        stiffness=free_stiffness + directions.T @ (spring[:, None] * directions),
+        free_damping=free_damping,
+        free_stiffness=free_stiffness,
+        impedances=impedances,
+        directions=directions,
+        spring=spring,
+        damper=damper,
+    )
+
+
+def _wrenches(robot: Robot, wrench: ArrayLike | None, frame: str | None) -> list[tuple[int, list[float]]]:
+    if wrench is None:
+        if frame is not None:
+            raise PostureError("frame", found=f"{frame!r} without a wrench", expected="both or neither")
+        return []
+    if frame is None:
+        raise PostureError("frame", found="nothing", expected="the frame at which the wrench acts")
+    values = np.asarray(wrench, float)
+    if values.shape != (6,) or not np.isfinite(values).all():
+        raise PostureError(
+            "wrench", found=str(wrench), expected="six finite numbers: force x y z (N), moment x y z (N m)"
+        )
+    return [(robot.frame_index(frame), values.tolist())]
+
+
+def _bushings(robot: Robot, q: Array) -> list[_core.Bushing]:
+    return [
+        _core.Bushing(
+            robot.mechanism,
+            robot.frame_index(bushing.frame_a),
+            robot.frame_index(bushing.frame_b),
+            stiffness=bushing.stiffness,
+            damping=bushing.damping,
+            rest=q if bushing.rest is None else bushing.rest,
+        )
+        for bushing in robot.bushings
+    ]
+
+
+BUSHING_AXES = ("x", "y", "z", "rx", "ry", "rz")
+
+
+def _impedances(
+    robot: Robot, q: Array, bushings: list[_core.Bushing], keep: NDArray[np.intp]
+) -> tuple[tuple[str, ...], Array, Array, Array, NDArray[np.bool_]]:
+    """Every spring-damper by name, direction, stiffness and damping; the last flag marks those of bushings."""
+    sprung = [i for i in keep if robot.stiffness[i] > 0]
+    names = ["links.{}.elasticity.{}".format(*robot.coordinates[i].rsplit(".", 1)) for i in sprung]
+    rows = [np.eye(len(robot.coordinates))[sprung][:, keep]]
+    spring, damper = [robot.stiffness[sprung]], [robot.damping[sprung]]
+    for bushing, core in zip(robot.bushings, bushings, strict=True):
+        names += [f"bushings.{bushing.name}.{axis}" for axis in BUSHING_AXES]
+        rows.append(core.directions(robot.mechanism, q)[:, keep])
+        spring.append(np.diag(bushing.stiffness))
+        damper.append(np.diag(bushing.damping))
+    in_tangent = np.arange(len(names)) >= len(sprung)
+    return tuple(names), np.vstack(rows), np.concatenate(spring), np.concatenate(damper), in_tangent
+
+
+def _settle(
+    robot: Robot,
+    label: str,
+    reference: Array,
+    wrenches: list[tuple[int, list[float]]],
+    bushings: list[_core.Bushing],
+    keep: NDArray[np.intp],
+) -> Array:
+    """Posture where springs, gravity and wrench balance, by Newton's method from the unloaded one."""
+    mechanism, zero = robot.mechanism, np.zeros_like(reference)
+    q = reference.copy()
+    load = mechanism.inverse_dynamics(reference, zero, zero, wrenches=wrenches)[keep]
+    scale = max(float(np.abs(load).max()), 1e-300)
+    for _ in range(NEWTON_STEPS):
+        residual = mechanism.inverse_dynamics(q, zero, zero, wrenches=wrenches)
+        residual = residual + robot.stiffness * (q - reference)
+        for bushing in bushings:
+            residual = residual + bushing.force(mechanism, q, zero)
+        if np.abs(residual[keep]).max() <= 1e-12 * scale:
+            return q
+        tangent = mechanism.linearize(q, zero, zero, wrenches=wrenches, bushings=bushings)
+        stiffness = tangent[2][keep[:, None], keep] + np.diag(robot.stiffness[keep])
+        try:
+            step = np.linalg.solve(stiffness, residual[keep])
+        except np.linalg.LinAlgError:
+            break
+        q[keep] -= step
+        if not np.isfinite(q).all() or np.abs(q - reference).max() > 10.0:
+            break
+        if np.abs(step).max() <= 1e-15 * max(1.0, float(np.abs(q).max())):
+            return q
+    raise ModelError(
+        f"{robot.name}, posture {label}",
+        found="no static equilibrium near it",
+        expected="springs that carry gravity and the wrench",
+        hint="Check stiffness and wrench, or linearize at the reference posture.",
+    )

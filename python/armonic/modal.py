@@ -1,0 +1,169 @@
+"""Modal analysis: complex modes of a linear model, how they compare, and whether they are stable."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+import numpy as np
+
+from armonic.errors import FrfError
+from armonic.linear import Equilibrium, LinearModel, linearize
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from armonic.linear import Posture
+    from armonic.robot import Robot
+
+    Array: TypeAlias = NDArray[np.float64]
+
+Stability = Literal["asymptotically stable", "marginal", "unstable"]
+
+STABILITY_TOLERANCE = 1e-9
+"""Real parts below this share of the largest pole count as zero: eigenvalues are not known better."""
+
+
+@dataclass(frozen=True)
+class Modes:
+    """Complex modes of λ² M u + λ C u + K u = 0, sorted by natural frequency.
+
+    Oscillatory modes stand for a conjugate pair (Im λ > 0); real poles are kept, one entry each.
+
+    Attributes:
+        posture: name of the posture, or its numbers.
+        coordinates: names of the n coordinates.
+        poles: λ, (m,), rad/s.
+        natural_freq_hz: |λ| / 2π, (m,), the undamped frequency (Do et al. 2022, Eq. 16).
+        damped_freq_hz: Im λ / 2π, (m,), the one Huynh et al. 2021 print (Eq. 20).
+        damping_ratio: −Re λ / |λ|, (m,), a fraction; zero for a rigid-body mode.
+        oscillatory: whether the mode is one of a pair, (m,).
+        shapes: u by columns, (n, m), rad or m, scaled to uᴴ M u = 1 with uᵀ M u real and positive, which for
+            proportional damping are the real mass-normalized shapes; the largest entry has a positive real part.
+        participation: share of each coordinate's spring in the elastic energy of a mode, (n, m); columns add up to one
+            minus the share of bushings. It is also 2 ∂ln f / ∂ln k for small damping.
+        stability: "asymptotically stable", "unstable" or "marginal", the three cases of Do et al. 2022, section 3.2.
+    """
+
+    posture: str
+    coordinates: tuple[str, ...]
+    poles: NDArray[np.complex128]
+    natural_freq_hz: Array
+    damped_freq_hz: Array
+    damping_ratio: Array
+    oscillatory: NDArray[np.bool_]
+    shapes: NDArray[np.complex128]
+    participation: Array
+    stability: Stability
+
+    def __len__(self) -> int:
+        """Number of modes."""
+        return len(self.poles)
+
+    def movers(self, mode: int, *, count: int = 3, least: float = 0.05) -> tuple[tuple[str, float], ...]:
+        """Coordinates that store most of a mode's elastic energy, with their shares.
+
+        Args:
+            mode: index of the mode.
+            count: at most so many.
+            least: smaller shares are left out.
+        """
+        share = self.participation[:, mode]
+        order = np.argsort(-share)[:count]
+        return tuple((self.coordinates[i], float(share[i])) for i in order if share[i] >= least)
+
+
+def modes(
+    robot: Robot | LinearModel,
+    posture: Posture | None = None,
+    *,
+    wrench: ArrayLike | None = None,
+    frame: str | None = None,
+    equilibrium: Equilibrium = "reference",
+) -> Modes:
+    """Natural frequencies, damping and complex shapes at a posture, by LAPACK.
+
+    Args:
+        robot: a robot, or a linear model that is taken as it is.
+        posture: with a robot, a posture's name or joint coordinates.
+        wrench: as in `linearize`.
+        frame: as in `linearize`.
+        equilibrium: as in `linearize`.
+
+    Raises:
+        PostureError: posture, wrench or frame do not fit the robot.
+        ModelError: no positive definite mass matrix, no equilibrium, or every coordinate locked.
+    """
+    if isinstance(robot, LinearModel):
+        model = robot
+    else:
+        model = linearize(
+            robot, {} if posture is None else posture, wrench=wrench, frame=frame, equilibrium=equilibrium
+        )
+    n = len(model.coordinates)
+    # Mass-normalized coordinates y = Lᵀ u, and time in units of the fastest motion, keep the matrix balanced.
+    left = np.linalg.inv(model.mass_factor)
+    stiffness, damping = left @ model.stiffness @ left.T, left @ model.damping @ left.T
+    rate = max(float(np.sqrt(np.linalg.norm(stiffness, 2))), float(np.linalg.norm(damping, 2)), 1e-300)
+    state = np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness / rate**2, -damping / rate]])
+    values, vectors = np.linalg.eig(state)
+    values = values * rate
+    values[np.abs(values) <= 1e-8 * rate] = 0.0  # rigid-body poles come out as rounding noise around zero
+    keep = np.flatnonzero(values.imag >= 0)
+    keep = keep[np.lexsort((values[keep].imag, np.abs(values[keep])))]
+    poles = values[keep].astype(np.complex128)
+    shapes = _normalized(vectors[:n, keep].astype(np.complex128), left)
+    size = np.abs(poles)
+    energy = np.zeros((n, len(poles)))
+    for direction, spring in zip(model.directions, model.spring, strict=True):
+        stored = spring * np.abs(direction @ shapes) ** 2
+        if np.count_nonzero(direction) == 1:
+            energy[np.flatnonzero(direction)[0]] += stored
+    total = sum(
+        (k * np.abs(b @ shapes) ** 2 for b, k in zip(model.directions, model.spring, strict=True)),
+        start=np.zeros(len(poles)),
+    )
+    worst = float(values.real.max())
+    tolerance = STABILITY_TOLERANCE * float(np.abs(values).max())
+    return Modes(
+        posture=model.posture,
+        coordinates=model.coordinates,
+        poles=poles,
+        natural_freq_hz=size / (2 * np.pi),
+        damped_freq_hz=poles.imag / (2 * np.pi),
+        damping_ratio=np.divide(-poles.real, size, out=np.zeros(len(poles)), where=size > 0),
+        oscillatory=poles.imag > 0,
+        shapes=shapes,
+        participation=np.divide(energy, total, out=np.zeros_like(energy), where=total > 0),
+        stability="unstable" if worst > tolerance else "marginal" if worst >= -tolerance else "asymptotically stable",
+    )
+
+
+def _normalized(mass_normal: NDArray[np.complex128], left: Array) -> NDArray[np.complex128]:
+    """Shapes u = L⁻ᵀ y with yᴴ y = 1, yᵀ y real and positive, largest entry of u towards positive reals."""
+    y = mass_normal / np.linalg.norm(mass_normal, axis=0)
+    y = y * np.exp(-0.5j * np.angle(np.sum(y * y, axis=0)))
+    u = left.T @ y
+    largest = np.take_along_axis(u, np.argmax(np.abs(u), axis=0)[None], axis=0)
+    return u * np.where(largest.real < 0, -1.0, 1.0)
+
+
+def mac(a: Modes | NDArray[np.complex128], b: Modes | NDArray[np.complex128]) -> Array:
+    """Modal assurance criterion |aᴴ b|² / (aᴴ a · bᴴ b) of every pair of shapes, (m_a, m_b), between 0 and 1.
+
+    Args:
+        a: modes, or shapes by columns (n, m_a).
+        b: modes, or shapes by columns (n, m_b), over the same n coordinates or sensors.
+
+    Raises:
+        FrfError: the shapes have different lengths, or one is zero.
+    """
+    left, right = (np.asarray(x.shapes if isinstance(x, Modes) else x) for x in (a, b))
+    if left.ndim != 2 or right.ndim != 2 or left.shape[0] != right.shape[0]:
+        raise FrfError(
+            "mac", found=f"shapes {left.shape} and {right.shape}", expected="columns of one length, (n, m_a) and (n, m_b)"
+        )
+    norms = [np.sum(np.abs(x) ** 2, axis=0) for x in (left, right)]
+    if not all(np.isfinite(norm).all() and (norm > 0).all() for norm in norms):
+        raise FrfError("mac", found="a shape that is zero or not finite", expected="finite shapes other than zero")
+    return np.abs(left.conj().T @ right) ** 2 / np.outer(*norms)

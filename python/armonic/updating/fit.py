@@ -1,0 +1,198 @@
+"""Model updating: measured responses and a robot in, the updated robot and how far to trust it out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from time import perf_counter
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from armonic import _core
+from armonic.errors import UpdateError
+from armonic.linear import LinearModel, linearize
+from armonic.modal import Modes, mac, modes
+from armonic.response import Frf
+from armonic.synthesis import frf, system
+from armonic.updating.measurement import Measurement
+from armonic.updating.parameters import Parameter, choose
+from armonic.updating.solver import Objective, Status, minimize
+from armonic.updating.uncertainty import FittedParameter, judge
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
+    from numpy.typing import NDArray
+
+    from armonic.robot import Robot
+    from armonic.updating.parameters import Bounds
+
+    Array: TypeAlias = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """The result of model updating.
+
+    Attributes:
+        robot: the description with the fitted numbers, comments kept.
+        start: the description before.
+        parameters: value, bounds, 95 % interval and verdict of each fitted parameter.
+        cost: weighted sum of squared log differences at the end (Huynh et al. 2021, Eq. 22).
+        start_cost: the same before.
+        cost_history: best cost after each evaluation, (E,).
+        evaluations: how often residual and Jacobian were computed.
+        noise: estimated relative noise of the responses (standard deviation of one real part of ln H).
+        status: "converged", "limit" or "interrupted".
+        message: the solver's own words.
+        duration_s: from call to return, wall clock.
+        measurements: what was fitted.
+        postures: label of each measurement's posture, once each.
+        before: modes before, one per entry of `postures`.
+        after: modes after.
+        mac: MAC of modes before (rows) and after (columns), one matrix per posture.
+        frf_before: model responses before, one per measurement, in its kind and lines.
+        frf_after: model responses after.
+    """
+
+    robot: Robot = field(repr=False)
+    start: Robot = field(repr=False)
+    parameters: tuple[FittedParameter, ...]
+    cost: float
+    start_cost: float
+    cost_history: Array = field(repr=False)
+    evaluations: int
+    noise: float
+    status: Status
+    message: str
+    duration_s: float
+    measurements: tuple[Measurement, ...] = field(repr=False)
+    postures: tuple[str, ...]
+    before: tuple[Modes, ...] = field(repr=False)
+    after: tuple[Modes, ...] = field(repr=False)
+    mac: tuple[Array, ...] = field(repr=False)
+    frf_before: tuple[Frf, ...] = field(repr=False)
+    frf_after: tuple[Frf, ...] = field(repr=False)
+
+
+def update(
+    robot: Robot,
+    measurements: Measurement | Sequence[Measurement],
+    *,
+    parameters: str | Iterable[str] = "elasticity",
+    bounds: Bounds | None = None,
+    tolerance: float = 1e-10,
+    max_evaluations: int = 1000,
+    progress: Callable[[int, float], None] | None = None,
+) -> Fit:
+    """Fits elastic parameters to measured frequency responses.
+
+    Minimizes Σ W |ln H_s − ln H|², the phase difference taken to its principal value (Huynh et al. 2021, Eq. 22), by
+    bounded trust-region least squares on the logarithms of the parameters, with the analytic Jacobian. Ctrl-C ends the
+    run and keeps the best so far.
+
+    Args:
+        robot: start values, and bounds where its file gives them.
+        measurements: one or more; all are fitted with one set of parameters.
+        parameters: paths, shell patterns or groups: "elasticity", "stiffness", "links.arm.elasticity.*.stiffness", ...
+        bounds: (low, high) by path or pattern, over those of the file; a factor of a thousand either way where neither
+            gives any.
+        tolerance: relative change of cost and step at which the fit has converged.
+        max_evaluations: limit on residual evaluations.
+        progress: called with the number of evaluations and the best cost so far.
+
+    Raises:
+        UpdateError: parameters, bounds or weights are not valid.
+        PostureError: a posture or frame does not fit the robot.
+        ModelError: the model has no response at the start.
+    """
+    begin = perf_counter()
+    measurements = (measurements,) if isinstance(measurements, Measurement) else tuple(measurements)
+    if not measurements:
+        raise UpdateError("measurements", found="none", expected="at least one")
+    if not (np.isfinite(tolerance) and tolerance > 0) or max_evaluations < 1:
+        raise UpdateError("tolerance, max_evaluations", found=f"{tolerance}, {max_evaluations}", expected="positive")
+    models = [linearize(robot, m.posture) for m in measurements]
+    chosen = choose(robot, models[0].impedances, parameters, bounds)
+    weights = [m.line_weights() for m in measurements]
+    free = [p.index for p in chosen]
+    theta = np.concatenate([models[0].spring, models[0].damper])
+    objective = Objective(_problem(measurements, models, weights), theta, free, progress)
+    run = minimize(
+        objective,
+        np.array([p.start for p in chosen]),
+        np.array([p.lower for p in chosen]),
+        np.array([p.upper for p in chosen]),
+        tolerance=tolerance,
+        max_evaluations=max_evaluations,
+    )
+    updated = robot.with_values({p.path: float(v) for p, v in zip(chosen, run.values, strict=True)})
+    fitted, noise = _judged(measurements, models, weights, objective, chosen, run.values)
+    after = [linearize(updated, m.posture) for m in measurements]
+    first = {model.posture: i for i, model in reversed(list(enumerate(models)))}
+    order = sorted(first.values())
+    modes_before, modes_after = (tuple(modes(side[i]) for i in order) for side in (models, after))
+    frf_before, frf_after = (
+        tuple(_like(m.frf, model, m.frame) for m, model in zip(measurements, side, strict=True))
+        for side in (models, after)
+    )
+    return Fit(
+        robot=updated,
+        start=robot,
+        parameters=fitted,
+        cost=run.cost,
+        start_cost=float(run.history[0]),
+        cost_history=run.history,
+        evaluations=len(run.history),
+        noise=noise,
+        status=run.status,
+        message=run.message,
+        measurements=measurements,
+        postures=tuple(models[i].posture for i in order),
+        before=modes_before,
+        after=modes_after,
+        mac=tuple(mac(a, b) for a, b in zip(modes_before, modes_after, strict=True)),
+        frf_before=frf_before,
+        frf_after=frf_after,
+        duration_s=perf_counter() - begin,
+    )
+
+
+def _problem(
+    measurements: Sequence[Measurement], models: Sequence[LinearModel], weights: Sequence[Array]
+) -> _core.Problem:
+    """The core's residual. The factor (iω)^p of the kind cancels in a log difference, so receptances are compared."""
+    targets = []
+    for m, model, weight in zip(measurements, models, weights, strict=True):
+        power = {"receptance": 0, "mobility": 1, "accelerance": 2}[m.frf.kind]
+        points = 2j * np.pi * m.frf.freq_hz
+        kept = (points != 0) | (power == 0)
+        values = m.frf.values[kept] / (points[kept] ** power)[:, None, None]
+        targets.append((system(model, m.frame, m.frf.outputs, m.frf.inputs), points[kept], values, weight[kept]))
+    return _core.Problem(targets)
+
+
+def _judged(
+    measurements: Sequence[Measurement],
+    models: Sequence[LinearModel],
+    weights: Sequence[Array],
+    objective: Objective,
+    chosen: tuple[Parameter, ...],
+    values: Array,
+) -> tuple[tuple[FittedParameter, ...], float]:
+    """Verdicts, and the noise that the residual left by the fit speaks of."""
+    used = [(w > 0).astype(float) for w in weights]
+    equal, squared = (
+        Objective(_problem(measurements, models, w), objective.theta, objective.free).triangle(values)
+        for w in (used, [w**2 for w in weights])
+    )
+    freedom = int(2 * sum(w.sum() for w in used)) - len(chosen)
+    noise = float(np.sqrt(np.sum(equal[:, -1] ** 2) / max(freedom, 1)))
+    return judge(chosen, values, objective.triangle(values), squared, noise=noise, freedom=freedom), noise
+
+
+def _like(measured: Frf, model: LinearModel, frame: str) -> Frf:
+    """The model's response in the lines, axes and kind of a measurement."""
+    return frf(
+        model, None, measured.freq_hz, frame=frame, kind=measured.kind, outputs=measured.outputs, inputs=measured.inputs
+    )

@@ -1,0 +1,136 @@
+"""What was measured, at which posture and frame, and how much each line counts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+import numpy as np
+from scipy.signal import find_peaks
+
+from armonic.errors import UpdateError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from armonic.linear import Posture
+    from armonic.response import Frf
+
+    Array: TypeAlias = NDArray[np.float64]
+
+PEAK_GAIN = 80.0
+"""Weight of a line at a peak, and of its neighbours (Huynh et al. 2021, section 5)."""
+BASE_GAIN = 0.5
+"""Weight of every other line."""
+PEAK_HALF_WIDTH = 2
+"""Neighbours on either side that share a peak's weight."""
+PEAK_PROMINENCE_DB = 3.0
+"""A maximum that stands out less from what surrounds it is taken for noise."""
+
+
+@dataclass(frozen=True, eq=False)
+class Measurement:
+    """A measured frequency response matrix and where it was taken.
+
+    Args:
+        frf: the measured responses; any subset of the nine of a sensor frame.
+        posture: name of the robot's posture, or joint coordinates (rad, m).
+        frame: the sensor's frame on the robot; that of the FRF if it knows one.
+        weights: "peaks" for the paper's automatic weights, "uniform" for one everywhere, or numbers of zero or more per
+            line (L,) or per value (L, outputs, inputs). A line of weight zero is left out.
+        label: a name for tables and figures.
+
+    Raises:
+        UpdateError: no frame, weights that do not fit, or a zero where a logarithm is taken.
+    """
+
+    frf: Frf
+    posture: Posture
+    frame: str = ""
+    weights: ArrayLike | Literal["peaks", "uniform"] = field(default="peaks", repr=False)
+    label: str = ""
+
+    def __post_init__(self) -> None:
+        frame = self.frame or self.frf.frame or ""
+        label = self.label or f"{self.posture if isinstance(self.posture, str) else 'posture'}, {frame}"
+        if not frame:
+            raise UpdateError("Measurement.frame", found="nothing", expected="the robot frame the sensor sits on")
+        object.__setattr__(self, "frame", frame)
+        object.__setattr__(self, "label", label)
+        self.line_weights()
+
+    def line_weights(self) -> Array:
+        """The weight of every value, (L, outputs, inputs).
+
+        A line at 0 Hz gets none where the response vanishes there (mobility, accelerance): it says nothing.
+        """
+        H = self.frf
+        if isinstance(self.weights, str):
+            if self.weights not in ("peaks", "uniform"):
+                raise UpdateError(
+                    f"{self.label}: weights", found=repr(self.weights), expected='"peaks", "uniform" or numbers'
+                )
+            weights = peak_weights(H) if self.weights == "peaks" else np.ones(H.values.shape)
+        else:
+            weights = self._given_weights(np.asarray(self.weights, float))
+        if H.freq_hz[0] == 0 and H.kind != "receptance":
+            weights[0] = 0.0
+        zero = (H.values == 0) & (weights > 0)
+        if zero.any():
+            line, a, b = (int(i[0]) for i in np.nonzero(zero))
+            raise UpdateError(
+                f"{self.label}: H_{H.outputs[a]}{H.inputs[b]} at {H.freq_hz[line]:g} Hz",
+                found="a response of exactly zero",
+                expected="values other than zero, since their logarithms are fitted",
+                hint="Give that line the weight zero, or leave that response out with frf.select(...).",
+            )
+        if not (weights > 0).any():
+            raise UpdateError(f"{self.label}: weights", found="zero everywhere", expected="at least one positive weight")
+        return weights
+
+    def _given_weights(self, weights: Array) -> Array:
+        shape = self.frf.values.shape
+        if weights.shape == shape[:1]:
+            weights = np.broadcast_to(weights[:, None, None], shape)
+        if weights.shape != shape:
+            raise UpdateError(
+                f"{self.label}: weights", found=f"shape {weights.shape}", expected=f"shape {shape[:1]} or {shape}"
+            )
+        if not (np.isfinite(weights).all() and (weights >= 0).all()):
+            raise UpdateError(
+                f"{self.label}: weights", found="a negative or non-finite number", expected="numbers of zero or more"
+            )
+        return weights.copy()
+
+
+def peak_weights(
+    frf: Frf,
+    *,
+    peak_gain: float = PEAK_GAIN,
+    base_gain: float = BASE_GAIN,
+    half_width: int = PEAK_HALF_WIDTH,
+    prominence_db: float = PEAK_PROMINENCE_DB,
+) -> Array:
+    """The paper's automatic weights: high at the peaks of each response and ±2 lines around, low elsewhere.
+
+    Huynh et al. 2021, section 4 (gain 50) and section 5 (gain 80), Fig. 4. Peaks are sought in the accelerance, where
+    the higher ones show.
+
+    Args:
+        frf: the measured responses, any kind.
+        peak_gain: weight at and around peaks.
+        base_gain: weight elsewhere.
+        half_width: lines on either side of a peak.
+        prominence_db: how far a peak stands out, dB; less is noise.
+
+    Returns:
+        W, (L, outputs, inputs).
+    """
+    size = np.abs(frf.values) * frf.freq_hz[:, None, None] ** ({"receptance": 2, "mobility": 1}.get(frf.kind, 0))
+    weights = np.full(size.shape, base_gain)
+    level = 20 * np.log10(np.maximum(size, np.finfo(float).tiny))
+    for a in range(size.shape[1]):
+        for b in range(size.shape[2]):
+            for peak in find_peaks(level[:, a, b], prominence=prominence_db)[0]:
+                weights[max(0, peak - half_width) : peak + half_width + 1, a, b] = peak_gain
+    return weights

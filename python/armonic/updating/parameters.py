@@ -1,0 +1,96 @@
+"""What a fit may change: numbers of the description, each with a start and bounds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from armonic.errors import UpdateError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from armonic.robot import Robot
+
+    Bounds: TypeAlias = Mapping[str, Sequence[float]]
+
+DEFAULT_SPAN = 1e3
+"""Without bounds, a parameter may move by this factor either way."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number to fit, on a logarithmic scale.
+
+    Attributes:
+        path: where it stands in the description.
+        unit: its SI unit.
+        start: value to start from.
+        lower: lowest admissible value, positive.
+        upper: highest.
+        index: its place among all stiffnesses, then all dampings, of the model's impedances.
+    """
+
+    path: str
+    unit: str
+    start: float
+    lower: float
+    upper: float
+    index: int
+
+
+def choose(
+    robot: Robot, impedances: tuple[str, ...], patterns: str | Iterable[str], bounds: Bounds | None
+) -> tuple[Parameter, ...]:
+    """The parameters that match the patterns, in the order of the file.
+
+    Args:
+        robot: holds the start values, and bounds where its file gives them.
+        impedances: names of the model's spring-dampers.
+        patterns: paths, shell patterns or groups ("elasticity", "stiffness", "damping").
+        bounds: (low, high) by path or pattern; these win over the file's, later ones over earlier ones.
+
+    Raises:
+        UpdateError: nothing matches, a start is zero, or bounds are not positive, not ordered or exclude the start.
+    """
+    starts = robot.parameters(patterns)
+    given: dict[str, Sequence[float]] = {}
+    for pattern, pair in (bounds or {}).items():
+        given.update(dict.fromkeys(robot.parameters(pattern), pair))
+    chosen = []
+    for path, start in starts.items():
+        if not start > 0:
+            raise UpdateError(
+                path,
+                found=f"{start:g} to start from",
+                expected="a positive value, since its logarithm is fitted",
+                hint="Give it a small positive start, or leave it out of `parameters`.",
+            )
+        stated = given.get(path, robot.bounds(path))
+        lower, upper = _checked(path, start, stated) if stated is not None else (start / DEFAULT_SPAN, start * DEFAULT_SPAN)
+        chosen.append(Parameter(path, robot.unit(path), start, lower, upper, _index(path, impedances)))
+    return tuple(chosen)
+
+
+def _checked(path: str, start: float, pair: Sequence[float]) -> tuple[float, float]:
+    values = np.asarray(pair, float)
+    if values.shape != (2,) or not np.isfinite(values).all() or not 0 < values[0] < values[1]:
+        raise UpdateError(f"bounds of {path}", found=str(list(pair)), expected="two positive numbers, low < high")
+    lower, upper = (float(v) for v in values)
+    if not lower <= start <= upper:
+        raise UpdateError(
+            f"bounds of {path}",
+            found=f"[{lower:g}, {upper:g}], which exclude the start {start:g}",
+            expected="bounds around the start",
+            hint="Move the start in the robot file, or widen the bounds.",
+        )
+    return lower, upper
+
+
+def _index(path: str, impedances: tuple[str, ...]) -> int:
+    """links.L.elasticity.A.stiffness belongs to impedance links.L.elasticity.A, bushings.B.damping.x to bushings.B.x."""
+    parts = path.split(".")
+    quantity = parts.pop(-1 if parts[0] == "links" else -2)
+    return impedances.index(".".join(parts)) + (len(impedances) if quantity == "damping" else 0)
