@@ -1,7 +1,8 @@
 """The tables of Huynh et al. 2021 as printed, and what an independent recomputation of them gave.
 
-`printed` values come from the paper (Tables 1-3, 5 and 6, Eqs. 33 and 34). `recomputed` values come from a numpy
-program that shares nothing with Armonic (finite-difference kinematics, LAPACK eigenvalues) and carry more digits.
+What the paper computes has `printed` in its name (Eqs. 33 and 34, Table 6). The same without `printed` comes
+from a numpy program that shares nothing with Armonic (finite-difference kinematics, LAPACK eigenvalues): it
+agrees with the print and carries more digits.
 """
 
 from __future__ import annotations
@@ -68,14 +69,20 @@ class Huynh3R:
 
 @dataclass(frozen=True)
 class Elasticity:
-    """One column pair of Table 5, in SI, in the order z1 x1 y1 z2 x2 y2 z3 x3 y3."""
+    """One column pair of Table 5 in its units, in the order z1 x1 y1 z2 x2 y2 z3 x3 y3."""
 
-    stiffness: Row
-    damping: Row
+    stiffness_mega: Row
+    damping_kilo: Row
 
+    @property
+    def stiffness(self) -> Row:
+        """N m/rad."""
+        return tuple(k * 1e6 for k in self.stiffness_mega)
 
-def _table_5(stiffness_mega: Row, damping_kilo: Row) -> Elasticity:
-    return Elasticity(tuple(k * 1e6 for k in stiffness_mega), tuple(d * 1e3 for d in damping_kilo))
+    @property
+    def damping(self) -> Row:
+        """N m s/rad."""
+        return tuple(d * 1e3 for d in self.damping_kilo)
 
 
 @dataclass(frozen=True)
@@ -96,38 +103,47 @@ class KukaKr90:
     posture_deg: Row = (0.0, 70.0, -100.0)
 
     # Table 5. The first pair is the column "From [34]".
-    earlier_work: Elasticity = _table_5(
+    earlier_work: Elasticity = Elasticity(
         (5.0, 6.1, 11.9, 6.9, 11.8, 8.1, 2.8, 5.2, 12.0), (0.02, 0.04, 3.1, 2.4, 0.04, 9.4, 0.2, 9.2, 0.08)
     )
-    fit_modelled: Elasticity = _table_5(
+    fit_modelled: Elasticity = Elasticity(
         (5.0, 5.4, 15.4, 5.9, 11.3, 9.0, 2.8, 18.2, 23.3), (0.03, 0.6, 0.3, 2.6, 0.2, 10.0, 0.2, 4.1, 0.7)
     )
-    fit_measured: Elasticity = _table_5(
+    fit_measured: Elasticity = Elasticity(
         (5.0, 5.8, 10.0, 8.0, 9.5, 32.0, 2.8, 100.0, 100.0),
         (0.12, 0.02, 0.006, 9.16, 0.01, 4.0, 0.03, 2.6, 9.0),
     )
-    fit_synthesized: Elasticity = _table_5(
+    fit_synthesized: Elasticity = Elasticity(
         (3.5, 7.0, 11.9, 6.9, 22.6, 18.2, 2.7, 0.9, 21.01),
         (1.5, 0.001, 7.3, 0.4, 0.002, 0.3, 0.3, 0.08, 0.06),
     )
 
     # Table 4: initial values and bounds of every fit, partly reconstructed.
-    start: Elasticity = _table_5((3, 4, 8, 4, 8, 4, 1, 5, 5), (0.1,) * 9)
+    start: Elasticity = Elasticity((3, 4, 8, 4, 8, 4, 1, 5, 5), (0.1,) * 9)
     stiffness_bounds: tuple[Row, Row] = ((5.5e5,) * 9, (5e6, 5e7, 5e7, 8e6, 4e7, 4e7, 4e6, 1e8, 1e8))
     damping_bounds: tuple[float, float] = (1.0, 1.0e4)
 
     measured_modes: ModalTable = ModalTable((10.0, 11.0, 19.2, 23.7), (0.014, 0.010, 0.005, 0.008))
 
     # Table 6, and the same recomputed from the rounded parameters of Table 5.
-    printed_modes_earlier_work: ModalTable = ModalTable((10.0, 11.1, 18.7, 23.8), (0.011, 0.010, 0.006, 0.008))
-    printed_modes_fit_modelled: ModalTable = ModalTable((10.0, 11.1, 18.7, 23.8), (0.010, 0.010, 0.006, 0.008))
-    printed_modes_fit_measured: ModalTable = ModalTable((11.0, 11.2, 19.5, 24.0), (0.016, 0.003, 0.001, 0.005))
+    printed_modes_earlier_work: ModalTable = ModalTable(
+        (10.0, 11.1, 18.7, 23.8), (0.011, 0.010, 0.006, 0.008)
+    )
+    printed_modes_fit_modelled: ModalTable = ModalTable(
+        (10.0, 11.1, 18.7, 23.8), (0.010, 0.010, 0.006, 0.008)
+    )
+    printed_modes_fit_measured: ModalTable = ModalTable(
+        (11.0, 11.2, 19.5, 24.0), (0.016, 0.003, 0.001, 0.005)
+    )
     printed_modes_fit_synthesized: ModalTable = ModalTable(
         (10.0, 11.1, 19.5, 23.6), (0.009, 0.010, 0.007, 0.008)
     )
     modes_earlier_work: ModalTable = ModalTable((9.96, 11.07, 18.72, 23.85), (0.0108, 0.0101, 0.0059, 0.0070))
     modes_fit_modelled: ModalTable = ModalTable((9.96, 11.09, 18.71, 23.83), (0.0104, 0.0097, 0.0063, 0.0071))
-    modes_fit_measured: ModalTable = ModalTable((11.02, 11.19, 19.46, 23.90), (0.0155, 0.0026, 0.0008, 0.0048))
+    modes_fit_measured: ModalTable = ModalTable(
+        (11.02, 11.19, 19.46, 23.90), (0.0155, 0.0026, 0.0008, 0.0048)
+    )
+    # A fifth mode, at 24.27 Hz, lies in the band here.
     modes_fit_synthesized: ModalTable = ModalTable(
         (10.01, 11.06, 19.52, 23.48), (0.0088, 0.0098, 0.0070, 0.0093)
     )

@@ -27,7 +27,8 @@ fn turn_x(angle: f64) -> Transform {
 
 /// Tables 3 and 5 ("From [34]"); every joint turns about z, then x, then y.
 fn kuka() -> Mechanism {
-    let placements = [Transform::identity(), shift(0.35, 0.0, 0.0).then(&turn_x(FRAC_PI_2)), shift(1.35, 0.0, 0.0)];
+    let placements =
+        [Transform::identity(), shift(0.35, 0.0, 0.0).then(&turn_x(FRAC_PI_2)), shift(1.35, 0.0, 0.0)];
     let masses = [511.726, 249.53, 222.659];
     let coms = [[-0.02, 0.0, -0.21], [0.53, 0.0, 0.25], [0.42, 0.02, -0.02]];
     let products = [
@@ -40,7 +41,8 @@ fn kuka() -> Mechanism {
         let [xx, yy, zz, xy, xz, yz] = products[link];
         let tensor = Matrix3::new(xx, -xy, -xz, -xy, yy, -yz, -xz, -yz, zz);
         let inertia = Inertia::about_com(masses[link], Vector3::from(coms[link]), tensor);
-        for (turn, axis) in [Vector3::z_axis(), Vector3::x_axis(), Vector3::y_axis()].into_iter().enumerate() {
+        for (turn, axis) in [Vector3::z_axis(), Vector3::x_axis(), Vector3::y_axis()].into_iter().enumerate()
+        {
             nodes.push(Node {
                 parent: nodes.len().checked_sub(1),
                 placement: if turn == 0 { placements[link] } else { Transform::identity() },
@@ -67,7 +69,8 @@ fn system(mechanism: &Mechanism) -> LinearSystem {
     linearize(mechanism, ws, &point, &mut tangent).unwrap();
     let jacobian = dynamics::jacobian(mechanism, ws, &q, 0, true).unwrap();
     let rows = jacobian.fixed_rows::<3>(0).transpose().as_slice().to_vec();
-    let matrices = [tangent.mass, tangent.damping, tangent.stiffness].map(|m| m.transpose().as_slice().to_vec());
+    let matrices =
+        [tangent.mass, tangent.damping, tangent.stiffness].map(|m| m.transpose().as_slice().to_vec());
     LinearSystem::new(9, matrices, (0..9).map(Direction::Coordinate).collect(), rows.clone(), rows).unwrap()
 }
 

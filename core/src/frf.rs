@@ -212,17 +212,20 @@ impl WithSimd for OneCase<'_> {
             if !want {
                 continue;
             }
+            let mirrored = self.system.same && self.system.symmetric;
             for branch in 0..r {
-                let gradient = self.impedances[branch].gradient(simd, s, false);
+                let slope = self.impedances[branch].gradient(simd, s, false)[1];
                 for a in 0..p {
                     let y = solver.at_outputs[branch * p + a].neg(simd);
-                    for b in 0..m {
-                        let product = y.mul(simd, solver.at_inputs[branch * m + b]);
-                        for (kind, slope) in gradient.iter().enumerate() {
-                            let entry = ((kind * r + branch) * p + a) * m + b;
-                            let place = &mut self.sensitivities[entry * count..(entry + 1) * count];
-                            let value = if kind == 0 { product } else { product.mul(simd, *slope) };
-                            store(simd, value, place, start);
+                    for b in 0..if mirrored { a + 1 } else { m } {
+                        let by_stiffness = y.mul(simd, solver.at_inputs[branch * m + b]);
+                        let by_damping = by_stiffness.mul(simd, slope);
+                        for (kind, value) in [by_stiffness, by_damping].into_iter().enumerate() {
+                            let entry = |a, b| (((kind * r + branch) * p + a) * m + b) * count;
+                            store(simd, value, &mut self.sensitivities[entry(a, b)..][..count], start);
+                            if mirrored && a != b {
+                                store(simd, value, &mut self.sensitivities[entry(b, a)..][..count], start);
+                            }
                         }
                     }
                 }

@@ -78,7 +78,13 @@ impl<S: Simd> Complex<S> {
     /// 1 / self.
     #[inline(always)]
     pub fn inverse(self, simd: S) -> Self {
-        let scale = simd.div_f64s(simd.splat_f64s(1.0), self.norm_squared(simd));
+        self.conj_over(simd, self.norm_squared(simd))
+    }
+
+    /// Conjugate of self divided by a real.
+    #[inline(always)]
+    fn conj_over(self, simd: S, size: S::f64s) -> Self {
+        let scale = simd.div_f64s(simd.splat_f64s(1.0), size);
         Self { re: simd.mul_f64s(self.re, scale), im: simd.neg_f64s(simd.mul_f64s(self.im, scale)) }
     }
 
@@ -116,50 +122,82 @@ pub const fn row(i: usize) -> usize {
 
 /// Factors a packed lower triangle Z = L D Lᵀ in place, without pivoting: L below, 1/D on the diagonal.
 ///
-/// Safe where the imaginary part is definite (damped, s = iω); elsewhere a pivot can be small, so the smallest ratio
-/// |d_j|² / scale_j² per lane is returned for the caller to judge (`scale_squared` holds the squared size of the terms
-/// that made each diagonal entry).
+/// Safe where the imaginary part is definite (damped, s = iω); elsewhere a pivot can be small. Returned per lane is the
+/// smallest |d_j|² − floor_j, negative where a pivot fell below its floor. `column` is scratch of length n.
 #[inline(always)]
-pub fn factor<S: Simd>(simd: S, z: &mut [Complex<S>], n: usize, scale_squared: &[S::f64s]) -> S::f64s {
-    let mut worst = simd.splat_f64s(f64::INFINITY);
+pub fn factor<S: Simd>(
+    simd: S,
+    z: &mut [Complex<S>],
+    n: usize,
+    floor: &[S::f64s],
+    column: &mut [Complex<S>],
+) -> S::f64s {
+    match n {
+        3 => factor_n(simd, z, 3, floor, column),
+        6 => factor_n(simd, z, 6, floor, column),
+        9 => factor_n(simd, z, 9, floor, column),
+        _ => factor_n(simd, z, n, floor, column),
+    }
+}
+
+#[inline(always)]
+fn factor_n<S: Simd>(
+    simd: S,
+    z: &mut [Complex<S>],
+    n: usize,
+    floor: &[S::f64s],
+    column: &mut [Complex<S>],
+) -> S::f64s {
+    let mut margin = simd.splat_f64s(f64::INFINITY);
     for j in 0..n {
         let pivot = z[row(j) + j];
-        worst = simd.min_f64s(worst, simd.div_f64s(pivot.norm_squared(simd), scale_squared[j]));
-        let inverse = pivot.inverse(simd);
+        let size = pivot.norm_squared(simd);
+        margin = simd.min_f64s(margin, simd.sub_f64s(size, floor[j]));
+        let inverse = pivot.conj_over(simd, size);
         z[row(j) + j] = inverse;
-        // Column j still holds L·D; row by row it updates what lies right of it, then becomes L.
         for i in j + 1..n {
-            let l = z[row(i) + j].mul(simd, inverse);
-            let (head, tail) = z.split_at_mut(row(i));
-            for k in j + 1..i {
-                tail[k] = tail[k].sub_mul(simd, l, head[row(k) + j]);
-            }
-            tail[i] = tail[i].sub_mul(simd, l, tail[j]);
+            column[i] = z[row(i) + j]; // L·D, before it becomes L
         }
         for i in j + 1..n {
-            z[row(i) + j] = z[row(i) + j].mul(simd, inverse);
+            let tail = &mut z[row(i)..row(i) + i + 1];
+            let l = column[i].mul(simd, inverse);
+            tail[j] = l;
+            for (entry, &above) in tail[j + 1..].iter_mut().zip(&column[j + 1..]) {
+                *entry = entry.sub_mul(simd, l, above);
+            }
         }
     }
-    worst
+    margin
 }
 
 /// Solves Z x = b in place after [`factor`].
 #[inline(always)]
 pub fn solve<S: Simd>(simd: S, z: &[Complex<S>], n: usize, x: &mut [Complex<S>]) {
-    for i in 1..n {
-        let mut sum = x[i];
-        for k in 0..i {
-            sum = sum.sub_mul(simd, z[row(i) + k], x[k]);
-        }
-        x[i] = sum;
+    match n {
+        3 => solve_n(simd, &z[..6], 3, &mut x[..3]),
+        6 => solve_n(simd, &z[..21], 6, &mut x[..6]),
+        9 => solve_n(simd, &z[..45], 9, &mut x[..9]),
+        _ => solve_n(simd, z, n, x),
     }
-    for i in 0..n {
-        x[i] = x[i].mul(simd, z[row(i) + i]);
+}
+
+#[inline(always)]
+fn solve_n<S: Simd>(simd: S, z: &[Complex<S>], n: usize, x: &mut [Complex<S>]) {
+    for i in 1..n {
+        let (known, rest) = x.split_at_mut(i);
+        let mut sum = rest[0];
+        for (&l, &value) in z[row(i)..row(i) + i].iter().zip(known.iter()) {
+            sum = sum.sub_mul(simd, l, value);
+        }
+        rest[0] = sum;
+    }
+    for (i, value) in x.iter_mut().enumerate() {
+        *value = value.mul(simd, z[row(i) + i]);
     }
     for i in (1..n).rev() {
-        let value = x[i];
-        for k in 0..i {
-            x[k] = x[k].sub_mul(simd, z[row(i) + k], value);
+        let (open, solved) = x.split_at_mut(i);
+        for (&l, value) in z[row(i)..row(i) + i].iter().zip(open.iter_mut()) {
+            *value = value.sub_mul(simd, l, solved[0]);
         }
     }
 }

@@ -11,7 +11,7 @@ use nalgebra::Complex as C64;
 use pulp::{Simd, bytemuck};
 
 /// A pivot whose size fell below this share of the terms that made it has lost six digits: that lane is solved again.
-const PIVOT_FLOOR_SQUARED: f64 = 1e-12;
+const PIVOT_FLOOR: f64 = 1e-6;
 
 /// Loads up to one register's worth of complex numbers from `start`; past the end the last one is repeated.
 ///
@@ -19,10 +19,14 @@ const PIVOT_FLOOR_SQUARED: f64 = 1e-12;
 #[inline(always)]
 pub(crate) fn load<S: Simd>(simd: S, from: &[C64<f64>], start: usize) -> Complex<S> {
     let mut pair = [simd.splat_f64s(0.0); 2];
-    let end = (start + S::F64_LANES).min(from.len());
     let flat: &mut [C64<f64>] = bytemuck::cast_slice_mut(&mut pair);
-    flat[..end - start].copy_from_slice(&from[start..end]);
-    flat[end - start..].fill(from[end - 1]);
+    let rest = &from[start..];
+    if rest.len() >= S::F64_LANES {
+        flat[..S::F64_LANES].copy_from_slice(&rest[..S::F64_LANES]); // of constant length: no call
+    } else {
+        flat[..rest.len()].copy_from_slice(rest);
+        flat[rest.len()..].fill(rest[rest.len() - 1]);
+    }
     let [re, im] = simd.deinterleave_shfl_f64s(pair);
     Complex { re, im }
 }
@@ -32,8 +36,12 @@ pub(crate) fn load<S: Simd>(simd: S, from: &[C64<f64>], start: usize) -> Complex
 pub(crate) fn store<S: Simd>(simd: S, value: Complex<S>, to: &mut [C64<f64>], start: usize) {
     let pair = simd.interleave_shfl_f64s([value.re, value.im]);
     let flat: &[C64<f64>] = bytemuck::cast_slice(&pair);
-    let end = (start + S::F64_LANES).min(to.len());
-    to[start..end].copy_from_slice(&flat[..end - start]);
+    let rest = &mut to[start..];
+    if rest.len() >= S::F64_LANES {
+        rest[..S::F64_LANES].copy_from_slice(&flat[..S::F64_LANES]);
+    } else {
+        rest.copy_from_slice(&flat[..rest.len()]);
+    }
 }
 
 /// Solves one register of evaluation points at a time; memory is allocated once and reused.
@@ -42,7 +50,8 @@ pub(crate) struct Solver<'a, S: Simd> {
     impedances: &'a [SpringDamper],
     /// Size of the terms on the diagonal of Z: of order s⁰, s¹ and s².
     scale: Vec<[f64; 3]>,
-    scale_squared: Vec<S::f64s>,
+    floor: Vec<S::f64s>,
+    column: Vec<Complex<S>>,
     z: Vec<Complex<S>>,
     x: Vec<Complex<S>>,
     y: Vec<Complex<S>>,
@@ -76,7 +85,8 @@ impl<'a, S: Simd> Solver<'a, S> {
             system,
             impedances,
             scale,
-            scale_squared: vec![simd.splat_f64s(0.0); n],
+            floor: vec![simd.splat_f64s(0.0); n],
+            column: vec![zero; n],
             z: vec![zero; row(n)],
             x: vec![zero; n * m],
             y: vec![zero; if system.same { 0 } else { n * p }],
@@ -94,7 +104,7 @@ impl<'a, S: Simd> Solver<'a, S> {
         let mut trusted = 0_u64;
         if self.system.symmetric {
             self.assemble(simd, s);
-            let worst = lanes::factor(simd, &mut self.z, n, &self.scale_squared);
+            let margin = lanes::factor(simd, &mut self.z, n, &self.floor, &mut self.column);
             for b in 0..m {
                 let column = &mut self.x[b * n..(b + 1) * n];
                 splat_row(simd, &self.system.inputs[b * n..(b + 1) * n], column);
@@ -111,9 +121,10 @@ impl<'a, S: Simd> Solver<'a, S> {
             for value in &self.x {
                 size = simd.add_f64s(size, value.norm_squared(simd));
             }
-            for (lane, (&worst, &size)) in slice_of::<S>(&worst).iter().zip(slice_of::<S>(&size)).enumerate()
+            for (lane, (&margin, &size)) in
+                slice_of::<S>(&margin).iter().zip(slice_of::<S>(&size)).enumerate()
             {
-                trusted |= u64::from(worst >= PIVOT_FLOOR_SQUARED && size.is_finite()) << lane;
+                trusted |= u64::from(margin >= 0.0 && size.is_finite()) << lane;
             }
         }
         for lane in 0..S::F64_LANES {
@@ -135,7 +146,8 @@ impl<'a, S: Simd> Solver<'a, S> {
         for i in 0..n {
             let [k, c, mass] = self.scale[i].map(|v| simd.splat_f64s(v));
             let scale = simd.mul_add_e_f64s(size2, mass, simd.mul_add_e_f64s(size, c, k));
-            self.scale_squared[i] = simd.mul_f64s(scale, scale);
+            let scale = simd.mul_f64s(scale, simd.splat_f64s(PIVOT_FLOOR));
+            self.floor[i] = simd.mul_f64s(scale, scale);
             for j in 0..=i {
                 let at = i * n + j;
                 let mass = simd.splat_f64s(self.system.mass[at]);

@@ -33,9 +33,9 @@ def check(robot: Robot) -> tuple[Finding, ...]:
         robot: any robot that could be loaded.
 
     Returns:
-        Errors: an inertia tensor that no body can have, a mass matrix that is not positive definite. Warnings:
-        principal moments that break the triangle inequality, locked joints, free coordinates that nothing holds,
-        massless links at an end of the tree, no posture. Empty if there is nothing to say.
+        Errors: an inertia tensor that no body can have, a mass matrix that is not positive definite.
+        Warnings: principal moments that break the triangle inequality, locked joints, free coordinates that
+        nothing holds, massless links at an end of the tree, no posture. Empty if there is nothing to say.
     """
     findings = [
         *_inertias(robot),
@@ -81,7 +81,7 @@ def _mass_matrices(robot: Robot) -> Iterator[Finding]:
         M = np.asarray(robot.mechanism.mass_matrix(q))
         scale = np.sqrt(np.maximum(np.diag(M), 0.0))
         scale[scale == 0.0] = 1.0
-        # With a unit diagonal the smallest eigenvalue is a pure number, whatever the units of the coordinates.
+        # With a unit diagonal the smallest eigenvalue is a pure number, whatever the coordinates' units.
         values, vectors = np.linalg.eigh(M / scale / scale[:, None])
         if values[0] < n * 1e-13:
             worst = robot.coordinates[int(np.argmax(np.abs(vectors[:, 0])))]

@@ -66,7 +66,6 @@ class Document:
     Raises:
         RobotFileError: the text is not one well-formed YAML document, or uses anchors, aliases, tags,
             directives, duplicate keys, keys that are not texts, or nesting deeper than `MAX_DEPTH`.
-
     """
 
     def __init__(self, text: str, origin: str) -> None:
@@ -137,7 +136,6 @@ def read_text(path: Path) -> str:
 
     Raises:
         RobotFileError: the file cannot be read, is no regular file, is too large, or is not UTF-8.
-
     """
     origin = str(path)
     if not is_file(path):
@@ -165,7 +163,6 @@ def write_text(path: Path, text: str) -> None:
 
     Raises:
         DataFileError: the path is a directory, or the file cannot be written.
-
     """
     # A symbolic link stays one; what it points to is replaced.
     target = path.resolve()
@@ -327,6 +324,7 @@ def _plain(text: str) -> Any:
 
 
 def _clipped(text: str) -> str:
+    text = text if text.isprintable() else repr(text)
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 

@@ -27,7 +27,6 @@ def read_description(document: Document) -> RobotDescription:
 
     Raises:
         RobotFileError: for the first error in the file; it counts the others.
-
     """
     try:
         description = RobotDescription.model_validate(document.data)
@@ -54,7 +53,6 @@ def links_in_order(description: RobotDescription) -> list[Link]:
 
     Returns:
         Every link once.
-
     """
     by_name = {link.name: link for link in description.links}
     done: dict[str, Link] = {}
@@ -83,7 +81,6 @@ def joint_values(values: object, moving: Sequence[Link]) -> tuple[float, ...]:
 
     Raises:
         FieldError: not a list, of another length, or with an entry that is no angle or length.
-
     """
     if not isinstance(values, list | tuple) or len(values) != len(moving):
         found = Found(f"{len(values)} values") if isinstance(values, list | tuple) else values

@@ -40,7 +40,6 @@ def load(source: str | Path) -> Robot:
 
     Raises:
         RobotFileError: there is no such file or name, or the file is not a valid robot description.
-
     """
     path, name = Path(source), str(source)
     if is_file(path):
@@ -80,7 +79,6 @@ class Robot:
 
         Raises:
             RobotFileError: the text is not a valid robot description.
-
         """
         return cls._from_document(Document(text, origin if path is None else str(path)), path)
 
@@ -200,7 +198,6 @@ class Robot:
 
         Raises:
             PostureError: the name or a coordinate is unknown, the length is wrong, or a value is not finite.
-
         """
         if isinstance(posture, str):
             if posture not in self.postures:
@@ -244,7 +241,6 @@ class Robot:
 
         Raises:
             PostureError: there is no such frame.
-
         """
         if name not in self.frames:
             raise _unknown("frame", name, "the name of a frame or link", self.frames)
@@ -266,7 +262,6 @@ class Robot:
 
         Raises:
             UpdateError: a pattern matches nothing.
-
         """
         return {path: self._parameters[path].value for path in select(self._parameters, pattern)}
 
@@ -275,7 +270,6 @@ class Robot:
 
         Raises:
             UpdateError: there is no such parameter.
-
         """
         return self._parameter(path).bounds
 
@@ -284,7 +278,6 @@ class Robot:
 
         Raises:
             UpdateError: there is no such parameter.
-
         """
         return si_unit(self._parameter(path).dimension)
 
@@ -305,7 +298,6 @@ class Robot:
         Raises:
             UpdateError: a path is unknown or a value is not a finite number.
             RobotFileError: a value is out of its bounds or impossible (a negative stiffness).
-
         """
         return Robot._from_document(write(self._document, self._parameters, values), None)
 
@@ -318,7 +310,6 @@ class Robot:
 
         Raises:
             DataFileError: the file cannot be written.
-
         """
         write_text(Path(path), self.to_yaml())
 

@@ -27,7 +27,6 @@ class Bushing:
         stiffness: (6, 6), N/m, N/rad = N, N m/rad.
         damping: (6, 6), N s/m, N s, N m s/rad.
         rest: (n,) the posture in which it carries no load; None: the posture a model is linearized at.
-
     """
 
     name: str
@@ -61,7 +60,6 @@ class Tree:
         damping: (n,) N m s/rad or N s/m; 0 where locked or free.
         postures: (n,) values by name, virtual coordinates zero.
         bushings: the bushings of the file.
-
     """
 
     parents: tuple[int, ...]
@@ -92,7 +90,6 @@ def compile_tree(description: RobotDescription) -> Tree:
 
     Returns:
         The tree.
-
     """
     nodes: list[tuple[int, Array, Coordinate | None, Link | None]] = []
     coordinates: list[tuple[str, Coordinate]] = []

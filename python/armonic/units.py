@@ -89,7 +89,6 @@ def quantity(text: str, dimension: Dimension) -> float:
     Raises:
         RobotFileError: the text is not a number with a unit, the unit is unknown or of another dimension, or
             the value is not finite.
-
     """
     return number(text, dimension)
 
@@ -106,7 +105,6 @@ def number(value: object, dimension: Dimension | None) -> float:
 
     Raises:
         RobotFileError: the value is neither, or is not finite, or is larger than `LARGEST`.
-
     """
     if isinstance(value, str) and dimension is not None:
         result = _with_unit(value, dimension)

@@ -6,6 +6,7 @@ import copy
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from decimal import Decimal
 from fnmatch import fnmatchcase
 from typing import Any, Final
 
@@ -32,7 +33,6 @@ class Parameter:
         dimension: what it measures.
         bounds: lowest and highest value, if the file gives them.
         at: where the number stands, or would stand, in the file.
-
     """
 
     path: str
@@ -53,7 +53,6 @@ def list_parameters(description: RobotDescription, data: Any) -> dict[str, Param
 
     Returns:
         The parameters.
-
     """
     found = [p for i, link in enumerate(description.links) for p in _of_link(i, link)]
     for i, bushing in enumerate(description.bushings):
@@ -74,7 +73,6 @@ def select(paths: Iterable[str], pattern: str | Iterable[str]) -> list[str]:
 
     Raises:
         UpdateError: a pattern matches nothing.
-
     """
     known = list(paths)
     patterns = pattern.split(",") if isinstance(pattern, str) else list(pattern)
@@ -116,7 +114,6 @@ def write(
     Raises:
         UpdateError: a path is unknown or a value is not a finite number.
         RobotFileError: the file is written in a way that leaves no place for a number that it lacks.
-
     """
     expected = copy.deepcopy(document.data)
     edits: list[tuple[int, int, str]] = []
@@ -159,9 +156,10 @@ def write(
 
 def written(value: float) -> str:
     """A number as robot files have it (20, 0.35, 5.0e6), with the fewest digits that give it back."""
-    if value != 0.0 and not 1e-3 <= abs(value) < 1e5:
-        return np.format_float_scientific(value, trim="0", exp_digits=1).replace("e+", "e")
-    return np.format_float_positional(value, trim="-")
+    if value == 0.0 or 1e-3 <= abs(value) < 1e5:
+        return repr(value).removesuffix(".0")
+    mantissa, exponent = f"{Decimal(repr(value)).normalize():e}".split("e")
+    return f"{mantissa}{'' if '.' in mantissa else '.0'}e{int(exponent)}"
 
 
 def _of_link(i: int, link: Link) -> Iterable[Parameter]:

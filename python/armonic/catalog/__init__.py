@@ -21,7 +21,6 @@ def read(name: str) -> str:
 
     Raises:
         KeyError: there is no such robot.
-
     """
     if name not in names():
         raise KeyError(name)

@@ -1,0 +1,157 @@
+"""Numbers and results in words: how tables, pictures, the report and the command line print what was computed."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from armonic.response import Kind
+    from armonic.updating import Fit
+
+VERDICTS = ("identified", "weak", "not identifiable", "at bound")
+"""What a fit can say about a parameter, from best to worst."""
+
+_KIND_POWER = {"receptance": "", "mobility": "/s", "accelerance": "/s²"}
+
+
+def format_si(value: float, unit: str = "", *, digits: int = 4) -> str:
+    """A value to so many significant digits, beyond 0.001 to 9999 with an exponent that is a multiple of three.
+
+    Args:
+        value: in SI; infinity prints as ∞ and NaN as n/a.
+        unit: appended after a space.
+        digits: significant digits, at least one.
+    """
+    return f"{_figures(float(value), digits)} {unit}".rstrip()
+
+
+def _figures(value: float, digits: int) -> str:
+    if math.isnan(value):
+        return "n/a"
+    if math.isinf(value):
+        return "∞" if value > 0 else "-∞"
+    if value == 0:
+        return "0"
+    mantissa, power = f"{value:.{digits - 1}e}".split("e")
+    exponent = int(power)
+    if -3 <= exponent < 4:
+        return f"{float(f'{mantissa}e{power}'):.{max(digits - 1 - exponent, 0)}f}"
+    third = 3 * (exponent // 3)
+    return f"{float(mantissa) * 10 ** (exponent - third):.{max(digits - 1 - exponent + third, 0)}f}e{third}"
+
+
+def format_interval(low: float, high: float, bounds: tuple[float, float] | None = None) -> str:
+    """An interval as "lo … hi" to 4 significant digits; "open" stands where the data give no end.
+
+    Args:
+        low: lower end of a positive quantity; zero, minus infinity or NaN is open.
+        high: upper end; infinity or NaN is open.
+        bounds: an end beyond them is open too, for then they and not the data limit the parameter.
+    """
+    floor, ceiling = bounds if bounds is not None else (0.0, math.inf)
+    left = format_si(low) if math.isfinite(low) and low > 0 and low >= floor else "open"
+    right = format_si(high) if math.isfinite(high) and high <= ceiling else "open"
+    return "open" if left == right == "open" else f"{left} … {right}"
+
+
+def format_spread(low: float, high: float) -> str:
+    """Half the width of a log-symmetric interval: "± 1.2 %", from a factor of two on "×/÷ 2.3", or "open"."""
+    if not (low > 0 and math.isfinite(high) and high >= low):
+        return "open"
+    factor = math.exp(0.5 * (math.log(high) - math.log(low)))
+    return f"± {format_percent(factor - 1, digits=2)}" if factor < 2 else f"×/÷ {format_si(factor, digits=2)}"
+
+
+def format_percent(fraction: float, *, digits: int = 3) -> str:
+    """A fraction in percent: 0.01075 is "1.08 %"."""
+    return format_si(100 * fraction, "%", digits=digits)
+
+
+def format_hz(frequency: float) -> str:
+    """A frequency in Hz without its unit: two decimals, below 1 Hz four significant digits."""
+    return f"{frequency:.2f}" if abs(frequency) >= 1 and math.isfinite(frequency) else format_si(frequency)
+
+
+def format_duration(seconds: float) -> str:
+    """A duration as one reads it: "38 ms", "1.24 s", "3 min 20 s", "2 h 05 min"."""
+    if not seconds >= 0.001:
+        return "under 1 ms"
+    if seconds < 0.9995:
+        return f"{1000 * seconds:.3g} ms"
+    if seconds < 59.95:
+        return f"{seconds:.3g} s"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest:02d} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"
+
+
+def count(number: int, noun: str) -> str:
+    """A number with its noun: "1 parameter", "18 parameters"."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def listing(parts: list[str]) -> str:
+    """Words in a row: "a, b and c"."""
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}" if parts else ""
+
+
+def split_path(path: str) -> tuple[str, str]:
+    """A parameter path as a short name and a quantity: ("arm.z", "stiffness").
+
+    A path of another form than "links.<link>.elasticity.<axis>.<quantity>" or "bushings.<name>.<quantity>.<axis>"
+    comes back whole, with an empty quantity.
+    """
+    head, _, rest = path.partition(".")
+    if head == "links" and len(parts := rest.rsplit(".", 3)) == 4 and parts[1] == "elasticity":
+        return f"{parts[0]}.{parts[2]}", parts[3]
+    if head == "bushings" and len(parts := rest.rsplit(".", 2)) == 3:
+        return f"{parts[0]}.{parts[2]}", parts[1]
+    return path, ""
+
+
+def frf_unit(kind: Kind, output: str, force: str) -> str:
+    """The unit of one entry of an FRF: "(m/s²)/N" for the accelerance of an axis under a force.
+
+    Args:
+        kind: what is divided by the force.
+        output: the response axis; one that starts with r is a rotation.
+        force: the input axis; one that starts with r is a moment.
+    """
+    response = f"{'rad' if output.startswith('r') else 'm'}{_KIND_POWER[kind]}"
+    return f"{f'({response})' if '/' in response else response}/{'(N·m)' if force.startswith('r') else 'N'}"
+
+
+def verdict_counts(fit: Fit) -> dict[str, int]:
+    """How many parameters have each verdict, all four in order, zeros included."""
+    found = Counter(parameter.verdict for parameter in fit.parameters)
+    return {verdict: found[verdict] for verdict in VERDICTS}
+
+
+def summary(fit: Fit) -> str:
+    """A fit in one paragraph: how it ended, what it reached at what expense, and what the data determine."""
+    ended = {
+        "converged": "The fit converged.",
+        "limit": "The fit stopped at its limit of evaluations before it converged; a longer run may improve it.",
+        "interrupted": "The fit was interrupted; this is the best it had found by then.",
+    }[fit.status]
+    effort = f"{count(fit.evaluations, 'evaluation')} and {format_duration(fit.duration_s)}"
+    change = "fell" if fit.cost < fit.start_cost else "stayed" if fit.cost == fit.start_cost else "went"
+    amount = f"at {format_si(fit.cost)}" if change == "stayed" else (
+        f"from {format_si(fit.start_cost)} to {format_si(fit.cost)}"
+    )
+    return f"{ended} The cost {change} {amount} in {effort}. {_determined(fit)}"
+
+
+def _determined(fit: Fit) -> str:
+    counts, total = verdict_counts(fit), len(fit.parameters)
+    if counts["identified"] == total:
+        return f"The data determine {'the one parameter' if total == 1 else f'all {total} parameters'}."
+    words = {
+        "identified": "identified",
+        "weak": "weakly determined",
+        "not identifiable": "not identifiable from these data",
+        "at bound": "at a bound",
+    }
+    parts = [f"{number} {'is' if number == 1 else 'are'} {words[v]}" for v, number in counts.items() if number]
+    return f"Of {count(total, 'parameter')}, {listing(parts)}."
