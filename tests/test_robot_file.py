@@ -1,75 +1,22 @@
-"""What a robot file means: its numbers, names and order, and that saving keeps what a person wrote."""
+"""What a robot file means: its numbers, names and order, its postures, and which file is loaded."""
 
 from __future__ import annotations
 
-import copy
 import math
-import os
-import pickle
-import stat
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from armonic import catalog
-from armonic.checks import Finding, check
+from armonic.checks import check
 from armonic.document import Document
-from armonic.errors import DataFileError, PostureError, RobotFileError, UpdateError
+from armonic.errors import PostureError
 from armonic.reading import read_description
 from armonic.robot import Robot, load
 from armonic.tree import Tree, compile_tree
-from armonic.units import UNITS, quantity
 from published import HUYNH_3R, KUKA_KR90
-
-START = Path(catalog.__file__).parent.parent / "examples" / "kuka_start.yaml"
-
-# A robot with everything a file can hold: a child before its parent, a free vector as axis, slides, bushings.
-ZOO = """\
-armonic: 1
-name: Zoo   # a comment
-postures:
-  home: [30 deg, 0.5, 250 mm]
-links:
-  - name: slide   # its parent stands below
-    parent: turret
-    placement: [{x: 100 mm, y: 2 cm}, {rz: 90 deg}]
-    joint: {type: prismatic, axis: y}
-    elasticity:
-      tx: {stiffness: 2 kN/mm, damping: 3 N s/mm}
-      ty: {stiffness: 4.0e6}   # from the data sheet
-      x:
-        stiffness: 7 kN m/rad   # guessed
-        damping: 12
-    mass: 500 g
-    com: [1 mm, 0, 0]
-    inertia: {xx: 2000 kg mm^2, yy: 1, zz: 1}
-  - name: turret
-    parent: base
-    joint: {type: revolute, axis: [0, 3, 4]}
-    elasticity: {joint: {stiffness: 1.0e5, stiffness_bounds: [1.0e4, 1 MN m/rad]}, tz: free}
-    mass: 1 t
-    inertia: {xx: 10, yy: 10, zz: 10}
-  - {name: lift, parent: slide, joint: {type: prismatic, axis: [1, 0, 0]}, mass: 2}
-  - {name: plate, parent: lift, joint: {type: fixed}, mass: 1, placement: [{z: 1}]}
-frames:
-  - {name: tip, link: plate, placement: [{rx: 90 deg}, {z: 2}]}
-  - {name: floor, link: base, placement: [{x: -1}]}
-bushings:
-  - {name: cable, between: [floor, tip], stiffness: [1, 2, 3, 4, 5, 0], rest: home}
-  - name: mount
-    between: [base, turret]
-    stiffness:
-      - [1.0e3, 0, 0, 0, 10, 0]
-      - [0, 1 N/mm, 0, 0, 0, 0]
-      - [0, 0, 1.0e3, 0, 0, 0]
-      - [0, 0, 0, 5, 0, 0]
-      - [10 N, 0, 0, 0, 6, 0]
-      - [0, 0, 0, 0, 0, 7]
-    damping: [1, 1, 1, 2, 2, 2]
-"""
+from robot_files import MINIMAL, START, ZOO
 
 
 def zoo() -> Robot:
@@ -78,9 +25,6 @@ def zoo() -> Robot:
 
 def tree_of(text: str) -> Tree:
     return compile_tree(read_description(Document(text, "test")))
-
-
-# --- the catalog against the paper ----------------------------------------------------------------
 
 
 def test_the_catalog_lists_the_robots_of_the_paper() -> None:
@@ -161,77 +105,6 @@ def test_catalog_and_examples_pass_their_own_check() -> None:
     assert check(load("kuka_kr90")) == ()
 
 
-# --- units ----------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("text", "dimension", "value"),
-    [
-        ("350 mm", "length", 0.35),
-        ("-2.5cm", "length", -0.025),
-        ("12 µm", "length", 12e-6),
-        ("180 deg", "angle", math.pi),
-        ("90°", "angle", math.pi / 2),
-        ("60 arcmin", "angle", math.pi / 180),
-        ("5 mrad", "angle", 0.005),
-        (".5 t", "mass", 500.0),
-        ("250 g", "mass", 0.25),
-        ("3 kg mm^2", "inertia", 3e-6),
-        ("3 kg·mm²", "inertia", 3e-6),
-        ("2e4 kg*cm**2", "inertia", 2.0),
-        ("9810 mm/s²", "acceleration", 9.81),
-        ("2.8 MN m/rad", "rotational stiffness", 2.8e6),
-        ("2.8 MN·m / rad", "rotational stiffness", 2.8e6),
-        ("2.8 MNm/rad", "rotational stiffness", 2.8e6),
-        ("1 N m/arcmin", "rotational stiffness", 60 * 180 / math.pi),
-        ("2 N m/mrad", "rotational stiffness", 2000.0),
-        ("1.5 kN/mm", "translational stiffness", 1.5e6),
-        ("3 N/um", "translational stiffness", 3e6),
-        ("0.4 kN m s/rad", "rotational damping", 400.0),
-        ("7 Nms/rad", "rotational damping", 7.0),
-        ("7 N s/mm", "translational damping", 7000.0),
-        ("+1E1 N", "coupling stiffness", 10.0),
-    ],
-)
-def test_quantities_have_the_value_worked_out_by_hand(text, dimension, value) -> None:
-    assert quantity(text, dimension) == pytest.approx(value, rel=1e-15)  # one rounded product
-
-
-@given(st.sampled_from([(d, u) for d, table in UNITS.items() for u in table]), st.floats(-1e6, 1e6))
-def test_every_unit_scales_its_number(entry, figure) -> None:
-    dimension, unit = entry
-    assert quantity(f"{figure!r} {unit}", dimension) == figure * UNITS[dimension][unit]
-
-
-@pytest.mark.parametrize(
-    ("text", "dimension", "hint"),
-    [
-        ("5 kg", "length", "'kg' measures mass"),
-        ("5 rad", "length", "'rad' measures an angle"),
-        ("5 N/m", "rotational stiffness", "measures translational stiffness"),
-        ("5 furlong", "length", "'furlong' is not known"),
-        ("5 mN m/rad", "rotational stiffness", "not known"),
-        ("5 m m", "length", "not known"),
-        ("1,5 m", "length", "decimal point"),
-        ("5", "length", "without quotes if it is in m"),
-        ("five m", "length", None),
-        ("", "length", None),
-        ("1e999 m", "length", None),
-        ("nan m", "length", None),
-    ],
-)
-def test_bad_quantities_say_what_is_accepted(text, dimension, hint) -> None:
-    with pytest.raises(RobotFileError) as caught:
-        quantity(text, dimension)
-    assert caught.value.found == repr(text)
-    if "999" not in text:
-        assert all(unit in caught.value.expected for unit in UNITS[dimension])
-    assert caught.value.hint is None if hint is None else hint in caught.value.hint
-
-
-# --- the file's meaning ---------------------------------------------------------------------------
-
-
 def test_coordinates_follow_the_tree_with_the_joints_own_first() -> None:
     robot = zoo()
     assert robot.coordinates == ("turret.joint", "turret.tz", "slide.ty", "slide.x", "slide.tx", "lift.joint")
@@ -276,12 +149,6 @@ def test_rotations_are_right_handed(key, turned) -> None:
     start, end = {"rx": (1, 2), "ry": (2, 0), "rz": (0, 1)}[key]
     np.testing.assert_allclose(T[:3, start], np.eye(3)[end], atol=1e-16)
     assert np.linalg.det(T[:3, :3]) == pytest.approx(1.0)
-
-
-MINIMAL = """\
-armonic: 1
-name: minimal
-links: [{name: a, parent: base, joint: {type: revolute, axis: z}}]"""
 
 
 def test_a_minimal_file_gets_the_documented_defaults() -> None:
@@ -376,238 +243,6 @@ def test_a_robot_cannot_be_changed() -> None:
         robot.name = "other"  # type: ignore[misc]
 
 
-# --- parameters, changed values, saving -----------------------------------------------------------
-
-
-def test_parameters_are_listed_in_file_order_with_si_values() -> None:
-    robot = zoo()
-    assert list(robot.parameters("links.*")) == [
-        "links.slide.elasticity.tx.stiffness",
-        "links.slide.elasticity.tx.damping",
-        "links.slide.elasticity.ty.stiffness",
-        "links.slide.elasticity.ty.damping",
-        "links.slide.elasticity.x.stiffness",
-        "links.slide.elasticity.x.damping",
-        "links.turret.elasticity.joint.stiffness",
-        "links.turret.elasticity.joint.damping",
-    ]
-    assert robot.parameters("links.slide.elasticity.tx.*") == {
-        "links.slide.elasticity.tx.stiffness": 2e6,
-        "links.slide.elasticity.tx.damping": 3e3,
-    }
-    assert robot.bounds("links.turret.elasticity.joint.stiffness") == (1e4, 1e6)
-    assert robot.unit("links.slide.elasticity.tx.stiffness") == "N/m"
-    assert robot.unit("links.turret.elasticity.joint.damping") == "N m s/rad"
-    assert robot.unit("bushings.mount.damping.x") == "N s/m"
-
-
-def test_a_bushing_has_parameters_where_it_acts() -> None:
-    cable = zoo().parameters("bushings.cable.*")
-    assert [path.removeprefix("bushings.cable.") for path in cable] == [
-        f"{what}.{direction}"
-        for what in ("stiffness", "damping")
-        for direction in ("x", "y", "z", "rx", "ry")
-    ]
-    assert zoo().parameters("bushings.mount.stiffness.ry") == {"bushings.mount.stiffness.ry": 6.0}
-
-
-def test_groups_and_unions_select_parameters() -> None:
-    robot = load("kuka_kr90")
-    assert len(robot.parameters()) == len(robot.parameters("elasticity")) == 18
-    assert len(robot.parameters("stiffness")) == len(robot.parameters("damping")) == 9
-    both = robot.parameters("links.arm.elasticity.?.stiffness, links.carousel.elasticity.z.damping")
-    assert next(iter(both)) == "links.carousel.elasticity.z.damping"
-    assert len(both) == 4
-    assert robot.parameters(["damping", "stiffness", "damping"]) == robot.parameters()
-
-
-@pytest.mark.parametrize(
-    "call",
-    [
-        lambda robot, path: robot.parameters(path),
-        lambda robot, path: robot.parameters(["stiffness", path]),
-        lambda robot, path: robot.bounds(path),
-        lambda robot, path: robot.unit(path),
-        lambda robot, path: robot.with_values({path: 1.0}),
-    ],
-)
-def test_a_path_that_matches_nothing_names_the_nearest(call) -> None:
-    nearest = "Did you mean links.arm.elasticity.z.stiffness"
-    with pytest.raises(UpdateError, match=nearest):
-        call(load("kuka_kr90"), "links.arm.elasticity.z.stifness")
-
-
-def test_a_robot_without_elasticity_says_so_when_asked_for_parameters() -> None:
-    with pytest.raises(UpdateError, match="no elasticity"):
-        Robot.from_yaml(MINIMAL).parameters()
-    with pytest.raises(UpdateError, match="at least one"):
-        load("kuka_kr90").parameters([])
-
-
-@pytest.mark.parametrize("source", ["huynh_3r", "kuka_kr90", START])
-def test_an_unchanged_robot_writes_its_file_byte_for_byte(source, tmp_path) -> None:
-    text = START.read_bytes() if source is START else catalog.read(source).encode()
-    robot = load(source)
-    assert robot.to_yaml().encode() == text
-    robot.save(tmp_path / "copy.yaml")
-    assert (tmp_path / "copy.yaml").read_bytes() == text
-
-
-def test_changed_values_leave_every_other_character_of_the_file_alone(tmp_path) -> None:
-    changed = zoo().with_values(
-        {
-            "links.slide.elasticity.tx.stiffness": 2.5e6,
-            "links.slide.elasticity.x.stiffness": 8123.4,
-            "links.turret.elasticity.joint.stiffness": 123456.78901234,
-            "bushings.cable.stiffness.ry": 0.25,
-            "bushings.mount.stiffness.y": "2 N/mm",
-            "bushings.mount.damping.z": 1e-7,
-        }
-    )
-    expected = (
-        ZOO.replace("{stiffness: 2 kN/mm,", "{stiffness: 2.5e6,")
-        .replace("stiffness: 7 kN m/rad", "stiffness: 8123.4")
-        .replace("stiffness: 1.0e5", "stiffness: 1.2345678901234e5")
-        .replace("[1, 2, 3, 4, 5, 0]", "[1, 2, 3, 4, 0.25, 0]")
-        .replace("1 N/mm", "2000")
-        .replace("damping: [1, 1, 1,", "damping: [1, 1, 1.0e-7,")
-    )
-    assert changed.to_yaml() == expected
-    changed.save(tmp_path / "new.yaml")
-    again = load(tmp_path / "new.yaml")
-    assert again.parameters() == changed.parameters()
-    assert again.stiffness[0] == 123456.78901234
-    assert zoo().to_yaml() == ZOO
-
-
-def test_a_damping_the_file_lacks_is_written_beside_its_stiffness() -> None:
-    text = ZOO.replace(
-        "      x:\n        stiffness: 7 kN m/rad   # guessed\n        damping: 12\n", ""
-    ).replace("    mass: 500 g", "      y:\n        stiffness: 7 kN m/rad   # guessed\n    mass: 500 g")
-    changed = Robot.from_yaml(text).with_values(
-        {
-            "links.slide.elasticity.ty.damping": 5,
-            "links.slide.elasticity.y.damping": 6,
-            "links.turret.elasticity.joint.damping": 7,
-            "bushings.cable.damping.x": 8,
-            "bushings.cable.damping.rx": 9,
-        }
-    )
-    assert changed.to_yaml() == text.replace(
-        "ty: {stiffness: 4.0e6}   # from", "ty: {stiffness: 4.0e6, damping: 5}   # from"
-    ).replace(
-        "        stiffness: 7 kN m/rad   # guessed\n",
-        "        stiffness: 7 kN m/rad   # guessed\n        damping: 6\n",
-    ).replace("{stiffness: 1.0e5,", "{stiffness: 1.0e5, damping: 7,").replace(
-        "[1, 2, 3, 4, 5, 0],", "[1, 2, 3, 4, 5, 0], damping: [8, 0, 0, 9, 0, 0],"
-    )
-
-
-def test_a_damping_goes_before_a_stiffness_matrix_written_in_rows() -> None:
-    text = ZOO.replace("    damping: [1, 1, 1, 2, 2, 2]\n", "")
-    changed = Robot.from_yaml(text).with_values({"bushings.mount.damping.y": 3})
-    assert changed.to_yaml() == text.replace(
-        "    stiffness:\n      - [", "    damping: [0, 3, 0, 0, 0, 0]\n    stiffness:\n      - ["
-    )
-
-
-@pytest.mark.parametrize("line_end", ["\n", "\r\n"])
-def test_line_ends_stay_as_they_are(tmp_path, line_end) -> None:
-    path = tmp_path / "robot.yaml"
-    path.write_bytes(catalog.read("kuka_kr90").replace("\n", line_end).encode())
-    load(path).with_values({"links.arm.elasticity.z.damping": 250}).save(path)
-    assert (
-        path.read_bytes()
-        == catalog.read("kuka_kr90")
-        .replace("damping: 200}", "damping: 250}")
-        .replace("\n", line_end)
-        .encode()
-    )
-
-
-@given(st.floats(1e-29, 1e29), st.floats(0, 1e29))
-def test_any_value_comes_back_exactly_as_it_was_given(stiffness, damping) -> None:
-    robot = Robot.from_yaml(ZOO)
-    values = {
-        "links.slide.elasticity.ty.stiffness": stiffness,
-        "links.slide.elasticity.ty.damping": damping,
-        "bushings.cable.damping.z": damping,
-    }
-    changed = robot.with_values(values)
-    assert {path: changed.parameters(path)[path] for path in values} == values
-    assert Robot.from_yaml(changed.to_yaml()).parameters() == changed.parameters()
-
-
-def test_numbers_are_written_with_the_digits_they_need() -> None:
-    def text(value: float) -> str:
-        changed = zoo().with_values({"links.slide.elasticity.ty.stiffness": value}).to_yaml()
-        return changed.split("ty: {stiffness: ")[1].split("}")[0]
-
-    assert [text(v) for v in (20.0, 0.35, 6.1e6, 12345678.9, 1 / 3, 1e-9)] == [
-        "20",
-        "0.35",
-        "6.1e6",
-        "1.23456789e7",
-        "0.3333333333333333",
-        "1.0e-9",
-    ]
-
-
-@pytest.mark.parametrize("value", [math.nan, math.inf, True, "5 kg", None, 1e31])
-def test_a_changed_value_must_be_a_finite_number(value) -> None:
-    with pytest.raises(UpdateError, match=r"links\.arm\.elasticity\.z\.stiffness"):
-        load("kuka_kr90").with_values({"links.arm.elasticity.z.stiffness": value})
-
-
-def test_a_changed_value_must_stay_possible_and_within_its_bounds() -> None:
-    with pytest.raises(RobotFileError, match="positive"):
-        load("kuka_kr90").with_values({"links.arm.elasticity.z.stiffness": -1.0})
-    with pytest.raises(RobotFileError, match="bounds that contain the value 5e"):
-        load(START).with_values({"links.arm.elasticity.z.stiffness": 5e7})
-
-
-def test_copies_and_pickles_are_the_same_robot() -> None:
-    robot = load(START)
-    assert robot.mechanism.n == 9
-    for twin in (pickle.loads(pickle.dumps(robot)), copy.deepcopy(robot)):
-        assert twin.to_yaml() == robot.to_yaml()
-        assert twin.path == START
-
-
-def test_saving_replaces_the_file_whole_and_keeps_its_mode_and_links(tmp_path) -> None:
-    real, link = tmp_path / "real.yaml", tmp_path / "link.yaml"
-    real.write_text("old")
-    real.chmod(0o640)
-    link.symlink_to(real)
-    load("huynh_3r").save(link)
-    assert link.is_symlink()
-    assert real.read_text() == catalog.read("huynh_3r")
-    assert stat.S_IMODE(real.stat().st_mode) == 0o640
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["link.yaml", "real.yaml"]
-
-
-def test_saving_to_an_impossible_place_is_one_clear_error(tmp_path, monkeypatch) -> None:
-    robot = load("huynh_3r")
-    with pytest.raises(DataFileError, match="a directory"):
-        robot.save(tmp_path)
-    with pytest.raises(DataFileError, match="cannot be written"):
-        robot.save(tmp_path / "no" / "such" / "folder.yaml")
-    kept = tmp_path / "kept.yaml"
-    kept.write_text("kept")
-
-    def full(*_: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(DataFileError, match="No space left"):
-        robot.save(kept)
-    assert kept.read_text() == "kept"
-    assert [p.name for p in tmp_path.iterdir()] == ["kept.yaml"]
-
-
-# --- loading --------------------------------------------------------------------------------------
-
-
 def test_a_file_wins_over_a_catalog_name_but_a_folder_does_not(tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("kuka_kr90").mkdir()
@@ -620,64 +255,3 @@ def test_a_file_wins_over_a_catalog_name_but_a_folder_does_not(tmp_path, monkeyp
 def test_a_byte_order_mark_is_no_part_of_the_text(tmp_path) -> None:
     (tmp_path / "bom.yaml").write_bytes(b"\xef\xbb\xbf" + MINIMAL.encode())
     assert load(tmp_path / "bom.yaml").to_yaml() == MINIMAL
-
-
-# --- check ----------------------------------------------------------------------------------------
-
-
-def findings(text: str) -> dict[str, Finding]:
-    return {finding.where: finding for finding in check(Robot.from_yaml(text))}
-
-
-def test_check_reports_what_is_missing_from_a_minimal_robot() -> None:
-    found = findings(MINIMAL)
-    assert found["posture zero"].level == "error"
-    assert "a.z moves no mass" in found["posture zero"].message
-    assert {where: f.level for where, f in found.items()} == {
-        "posture zero": "error",
-        "links": "warning",
-        "links.a.mass": "warning",
-        "postures": "warning",
-    }
-
-
-def test_check_tells_an_impossible_inertia_from_an_inexact_one() -> None:
-    impossible = catalog.read("huynh_3r").replace("xx: 5.014,", "xx: 0.2,")
-    assert findings(impossible)["links.link_arm.inertia"].level == "error"
-    # Link 6 of the Scompi robot as printed by Do et al. 2022, Table 3: (0.001, 0.001, 0.012).
-    inexact = catalog.read("huynh_3r").replace(
-        "{xx: 5.882, yy: 49.927, zz: 48.9, xy: 1.372, xz: -0.074, yz: 1.202}",
-        "{xx: 0.001, yy: 0.001, zz: 0.012}",
-    )
-    finding = findings(inexact)["links.arm.inertia"]
-    assert finding.level == "warning"
-    assert "triangle" in finding.message
-
-
-def test_check_takes_a_rod_and_a_point_for_possible_bodies() -> None:
-    rod = catalog.read("huynh_3r").replace(
-        "{xx: 5.882, yy: 49.927, zz: 48.9, xy: 1.372, xz: -0.074, yz: 1.202}", "{yy: 49.9, zz: 49.9}"
-    )
-    assert findings(rod) == {}
-    point = catalog.read("huynh_3r").replace(
-        "    inertia: {xx: 5.882, yy: 49.927, zz: 48.9, xy: 1.372, xz: -0.074, yz: 1.202}\n", ""
-    )
-    assert findings(point) == {}
-
-
-def test_check_names_locked_joints_and_free_coordinates_without_a_bushing() -> None:
-    text = catalog.read("huynh_3r").replace("z: {stiffness: 1.55e6, damping: 340}", "x: free")
-    found = findings(text)
-    assert "arm.z is locked" in found["links.arm.elasticity"].message
-    assert "no bushing" in found["links.arm.elasticity.x"].message
-
-
-def test_check_finds_coordinates_that_move_the_same_mass_at_a_named_posture() -> None:
-    # Three turns about one point with parallel axes when the middle one is at rest.
-    text = catalog.read("huynh_3r").replace("[{x: 1350 mm}]", "[]")
-    text = text.replace("    mass: 249.53\n    com: [0.532, -0.007, 0.248]\n", "").replace(
-        "    inertia: {xx: 5.014, yy: 57.621, zz: 56.853, xy: 1.058, xz: -5.498, yz: 0.069}\n", ""
-    )
-    finding = findings(text)["posture milling"]
-    assert finding.level == "error"
-    assert "not positive definite" in finding.message

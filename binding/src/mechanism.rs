@@ -15,7 +15,21 @@ use rayon::prelude::*;
 type Array<'py> = PyReadonlyArrayDyn<'py, f64>;
 type Out<'py> = PyResult<Bound<'py, PyArrayDyn<f64>>>;
 /// A wrench as Python passes it: frame index and force over moment in world axes.
-type WrenchArgument = (usize, [f64; 6]);
+type WrenchArgument = (FrameIndex, [f64; 6]);
+
+/// A frame's index; a negative number is an error of value, like one past the end.
+#[derive(Clone, Copy)]
+struct FrameIndex(usize);
+
+impl FromPyObject<'_, '_> for FrameIndex {
+    type Error = PyErr;
+
+    fn extract(object: Borrowed<'_, '_, PyAny>) -> PyResult<Self> {
+        let index: i64 = object.extract()?;
+        let refused = || PyValueError::new_err(format!("frame: found index {index}, expected zero or more"));
+        usize::try_from(index).map(Self).map_err(|_| refused())
+    }
+}
 
 /// Tree of rigid nodes, immutable.
 #[pyclass(frozen, module = "armonic._core")]
@@ -31,7 +45,7 @@ pub struct Bushing {
 
 fn wrenches(arguments: Vec<WrenchArgument>) -> Vec<FrameWrench> {
     let one = |(frame, w): WrenchArgument| FrameWrench {
-        frame,
+        frame: frame.0,
         force: Vector3::new(w[0], w[1], w[2]),
         moment: Vector3::new(w[3], w[4], w[5]),
     };
@@ -128,20 +142,33 @@ impl Mechanism {
         let coms = numbers("coms", &coms, &[count, Some(3)])?;
         let inertias = numbers("inertias", &inertias, &[count, Some(3), Some(3)])?;
         let frame_placements = numbers("frame_placements", &frame_placements, &[frames, Some(4), Some(4)])?;
+        for (name, values) in [("masses", &masses), ("coms", &coms), ("inertias", &inertias)] {
+            if let Some(got) = values.iter().find(|v| !v.is_finite()) {
+                return Err(PyValueError::new_err(format!("{name}: found {got}, expected finite numbers")));
+            }
+        }
         if kinds.len() != parents.len() {
             return Err(PyValueError::new_err("kinds: expected one per node"));
         }
-        let index = |i: i64| usize::try_from(i).ok();
+        let index = |name: &str, i: i64| match i {
+            -1 => Ok(None),
+            _ => usize::try_from(i).map(Some).map_err(|_| {
+                PyValueError::new_err(format!(
+                    "{name}: found {i}, expected -1 for the base or a node's index"
+                ))
+            }),
+        };
         let nodes = (0..parents.len())
             .map(|i| {
                 let axis = Vector3::from_column_slice(&axes[3 * i..3 * i + 3]);
                 let axis = || {
-                    Unit::try_new(axis, 1e-12).ok_or_else(|| {
-                        PyValueError::new_err(format!("axes: node {i} has an axis of no length"))
+                    let unit = Unit::try_new(axis, 1e-12).filter(|unit| unit.iter().all(|v| v.is_finite()));
+                    unit.ok_or_else(|| {
+                        PyValueError::new_err(format!("axes: node {i} has no finite direction"))
                     })
                 };
                 Ok(Node {
-                    parent: index(parents[i]),
+                    parent: index("parents", parents[i])?,
                     placement: transform("placements", &placements[16 * i..16 * i + 16])?,
                     motion: match kinds[i].as_str() {
                         "fixed" => Motion::Fixed,
@@ -166,7 +193,7 @@ impl Mechanism {
             .enumerate()
             .map(|(i, &node)| {
                 let placement = transform("frame_placements", &frame_placements[16 * i..16 * i + 16])?;
-                Ok(Frame { node: index(node), placement })
+                Ok(Frame { node: index("frame_nodes", node)?, placement })
             })
             .collect::<PyResult<Vec<_>>>()?;
         let inner = mechanism::Mechanism::new(nodes, frames, Vector3::from(gravity)).map_err(raise)?;
@@ -180,21 +207,21 @@ impl Mechanism {
     }
 
     /// T_world_frame, (4, 4) or (P, 4, 4).
-    fn pose<'py>(&self, py: Python<'py>, q: Array<'py>, frame: usize) -> Out<'py> {
+    fn pose<'py>(&self, py: Python<'py>, q: Array<'py>, frame: FrameIndex) -> Out<'py> {
         let ([q], batch) = self.states([("q", &q)])?;
         self.each(py, batch, &[4, 4], |ws, case, out| {
-            homogeneous(&dynamics::pose(&self.inner, ws, self.slice(&q, case), frame)?, out);
+            homogeneous(&dynamics::pose(&self.inner, ws, self.slice(&q, case), frame.0)?, out);
             Ok(())
         })
     }
 
     /// Jacobian of a frame, linear rows over angular ones, (6, n) or (P, 6, n).
     #[pyo3(signature = (q, frame, *, own_axes = false))]
-    fn jacobian<'py>(&self, py: Python<'py>, q: Array<'py>, frame: usize, own_axes: bool) -> Out<'py> {
+    fn jacobian<'py>(&self, py: Python<'py>, q: Array<'py>, frame: FrameIndex, own_axes: bool) -> Out<'py> {
         let ([q], batch) = self.states([("q", &q)])?;
         let n = self.inner.n();
         self.each(py, batch, &[6, n], |ws, case, out| {
-            let matrix = dynamics::jacobian(&self.inner, ws, self.slice(&q, case), frame, own_axes)?;
+            let matrix = dynamics::jacobian(&self.inner, ws, self.slice(&q, case), frame.0, own_axes)?;
             for i in 0..6 {
                 for j in 0..n {
                     out[i * n + j] = matrix[(i, j)];
@@ -316,8 +343,8 @@ impl Bushing {
     #[pyo3(signature = (mechanism, frame_a, frame_b, *, stiffness, damping, rest))]
     fn new(
         mechanism: &Mechanism,
-        frame_a: usize,
-        frame_b: usize,
+        frame_a: FrameIndex,
+        frame_b: FrameIndex,
         stiffness: Array<'_>,
         damping: Array<'_>,
         rest: Array<'_>,
@@ -331,9 +358,15 @@ impl Bushing {
         };
         let (stiffness, damping) = (matrix("stiffness", &stiffness)?, matrix("damping", &damping)?);
         let rest = numbers("rest", &rest, &[Some(mechanism.inner.n())])?;
+        if let Some(got) = rest.iter().find(|v| !v.is_finite()) {
+            return Err(PyValueError::new_err(format!("rest: found {got}, expected finite numbers")));
+        }
         let ws = &mut Workspace::new(&mechanism.inner);
-        let rest = bushing::relative_pose(&mechanism.inner, ws, &rest, frame_a, frame_b).map_err(raise)?;
-        Ok(Self { inner: bushing::Bushing { frame_a, frame_b, stiffness, damping, rest } })
+        let rest =
+            bushing::relative_pose(&mechanism.inner, ws, &rest, frame_a.0, frame_b.0).map_err(raise)?;
+        Ok(Self {
+            inner: bushing::Bushing { frame_a: frame_a.0, frame_b: frame_b.0, stiffness, damping, rest },
+        })
     }
 
     /// Directions in coordinate space along which its six springs act, (6, n).

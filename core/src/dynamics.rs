@@ -10,6 +10,9 @@ use crate::spatial::{
 use crate::{Error, Result};
 use nalgebra::{Cholesky, DMatrix, DVector, Matrix6xX, Vector3};
 
+/// A coordinate that moves less than this share of its own inertia once the others are free moves no mass.
+const PIVOT_FLOOR: f64 = 1e-13;
+
 /// A wrench that the surroundings exert at a frame's origin, constant in world axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrameWrench {
@@ -260,6 +263,11 @@ pub fn forward_dynamics(
     let rest = inverse_dynamics(mechanism, ws, q, qd, &zero, wrenches)?;
     let mut mass = DMatrix::zeros(mechanism.n(), mechanism.n());
     composite_mass(mechanism, ws, &mut mass);
+    let diagonal = mass.diagonal();
     let factor = Cholesky::new(mass).ok_or(Error::MassNotPositiveDefinite)?;
+    // Rounding can leave a singular matrix a last pivot just above zero.
+    if (0..mechanism.n()).any(|i| factor.l_dirty()[(i, i)].powi(2) <= PIVOT_FLOOR * diagonal[i]) {
+        return Err(Error::MassNotPositiveDefinite);
+    }
     Ok(factor.solve(&(DVector::from_column_slice(tau) - rest)))
 }

@@ -4,12 +4,14 @@
 //! With X = Z⁻¹ J_inᵀ and Y = Z⁻ᵀ J_outᵀ, ∂H_ab/∂z_r = −(b_rᵀ Y_a)(b_rᵀ X_b): products of what is already there.
 
 use crate::impedance::{Direction, SpringDamper};
+use crate::lanes::{Complex, lanes};
 use crate::mechanism::finite;
 use crate::solver::{Solver, load, store};
 use crate::{Error, Result};
 use nalgebra::Complex as C64;
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
+use std::mem::MaybeUninit;
 
 /// What does not change while impedances do: the matrices of one posture, where it is hit and where it is watched.
 #[derive(Debug, Clone)]
@@ -160,38 +162,47 @@ pub fn responses(
     finite("s", s.iter().flat_map(|s| [s.re, s.im]))?;
     let per_case = p * m * s.len();
     let parameters = if sensitivities { first.branches() * SpringDamper::PARAMETERS } else { 0 };
-    let mut out = Responses {
-        values: vec![C64::new(0.0, 0.0); cases * per_case],
-        sensitivities: vec![C64::new(0.0, 0.0); cases * parameters * per_case],
-    };
+    let mut out =
+        Responses { values: Vec::new(), sensitivities: Vec::with_capacity(cases * parameters * per_case) };
+    out.values.reserve_exact(cases * per_case);
     if per_case == 0 || cases == 0 {
         return Ok(out);
     }
-    let run = |case: usize, values: &mut [C64<f64>], sensitivities: &mut [C64<f64>]| {
+    let run = |case: usize, values: &mut [Slot], sensitivities: &mut [Slot]| {
         let system = &systems[if systems.len() == 1 { 0 } else { case }];
         let impedances = &impedances[if impedances.len() == 1 { 0 } else { case }];
         system.check(impedances)?;
         Arch::new().dispatch(OneCase { system, impedances, s, values, sensitivities })
     };
+    let values = &mut out.values.spare_capacity_mut()[..cases * per_case];
+    let slopes = &mut out.sensitivities.spare_capacity_mut()[..cases * parameters * per_case];
     if cases == 1 {
-        run(0, &mut out.values, &mut out.sensitivities)?;
+        run(0, values, slopes)?;
     } else if parameters == 0 {
-        let values = out.values.par_chunks_mut(per_case).enumerate();
+        let values = values.par_chunks_mut(per_case).enumerate();
         values.try_for_each(|(case, values)| run(case, values, &mut []))?;
     } else {
-        let values = out.values.par_chunks_mut(per_case);
-        let pairs = values.zip(out.sensitivities.par_chunks_mut(parameters * per_case)).enumerate();
-        pairs.try_for_each(|(case, (values, sensitivities))| run(case, values, sensitivities))?;
+        let values = values.par_chunks_mut(per_case);
+        let pairs = values.zip(slopes.par_chunks_mut(parameters * per_case)).enumerate();
+        pairs.try_for_each(|(case, (values, slopes))| run(case, values, slopes))?;
+    }
+    // SAFETY: every case has stored all lines of all its entries, and those fill both lengths.
+    unsafe {
+        out.values.set_len(cases * per_case);
+        out.sensitivities.set_len(cases * parameters * per_case);
     }
     Ok(out)
 }
+
+/// Results are hundreds of kilobytes that are written once: zeroing them first would cost as much as computing them.
+pub(crate) type Slot = MaybeUninit<C64<f64>>;
 
 struct OneCase<'a> {
     system: &'a LinearSystem,
     impedances: &'a [SpringDamper],
     s: &'a [C64<f64>],
-    values: &'a mut [C64<f64>],
-    sensitivities: &'a mut [C64<f64>],
+    values: &'a mut [Slot],
+    sensitivities: &'a mut [Slot],
 }
 
 impl WithSimd for OneCase<'_> {
@@ -201,33 +212,48 @@ impl WithSimd for OneCase<'_> {
     fn with_simd<S: Simd>(self, simd: S) -> Result<()> {
         let (p, m) = self.system.shape();
         let (count, r) = (self.s.len(), self.system.branches());
+        let groups = count.div_ceil(lanes::<S>());
         let mut solver = Solver::new(simd, self.system, self.impedances);
         let want = !self.sensitivities.is_empty();
-        for start in (0..count).step_by(S::F64_LANES) {
-            let s = load(simd, self.s, start);
-            solver.solve(simd, s, start, want)?;
-            for entry in 0..p * m {
-                store(simd, solver.h[entry], &mut self.values[entry * count..(entry + 1) * count], start);
+        let zero = Complex::zero(simd);
+        // Projections are gathered over all lines, so that every entry is then written as one stream.
+        let mut points = vec![zero; groups];
+        let mut at_outputs = vec![zero; if want { r * p * groups } else { 0 }];
+        let mut at_inputs = vec![zero; if want { r * m * groups } else { 0 }];
+        for (group, start) in (0..count).step_by(lanes::<S>()).enumerate() {
+            points[group] = load(simd, self.s, start);
+            solver.solve(simd, points[group], start, want)?;
+            for (&value, place) in solver.h.iter().zip(self.values.chunks_exact_mut(count)) {
+                store(simd, value, &mut place[start..]);
             }
-            if !want {
-                continue;
+            for (from, to) in [(&solver.at_outputs, &mut at_outputs), (&solver.at_inputs, &mut at_inputs)] {
+                for (&value, stream) in from.iter().zip(to.chunks_exact_mut(groups)) {
+                    stream[group] = value;
+                }
             }
-            let mirrored = self.system.same && self.system.symmetric;
-            for branch in 0..r {
-                let slope = self.impedances[branch].gradient(simd, s, false)[1];
-                for a in 0..p {
-                    let y = solver.at_outputs[branch * p + a].neg(simd);
-                    for b in 0..if mirrored { a + 1 } else { m } {
-                        let by_stiffness = y.mul(simd, solver.at_inputs[branch * m + b]);
-                        let by_damping = by_stiffness.mul(simd, slope);
-                        for (kind, value) in [by_stiffness, by_damping].into_iter().enumerate() {
-                            let entry = |a, b| (((kind * r + branch) * p + a) * m + b) * count;
-                            store(simd, value, &mut self.sensitivities[entry(a, b)..][..count], start);
-                            if mirrored && a != b {
-                                store(simd, value, &mut self.sensitivities[entry(b, a)..][..count], start);
-                            }
-                        }
-                    }
+        }
+        if !want {
+            return Ok(());
+        }
+        let mirrored = self.system.same && self.system.symmetric;
+        let (by_stiffness, by_damping) = self.sensitivities.split_at_mut(r * p * m * count);
+        for (branch, a) in (0..r).flat_map(|branch| (0..p).map(move |a| (branch, a))) {
+            let entry = |a, b| ((branch * p + a) * m + b) * count;
+            let y = &at_outputs[(branch * p + a) * groups..][..groups];
+            for b in 0..if mirrored { a + 1 } else { m } {
+                let x = &at_inputs[(branch * m + b) * groups..][..groups];
+                let stiffness = by_stiffness[entry(a, b)..][..count].chunks_mut(lanes::<S>());
+                let damping = by_damping[entry(a, b)..][..count].chunks_mut(lanes::<S>());
+                for ((((&y, &x), &s), stiffness), damping) in
+                    y.iter().zip(x).zip(&points).zip(stiffness).zip(damping)
+                {
+                    let slope = y.mul(simd, x).neg(simd);
+                    store(simd, slope, stiffness);
+                    store(simd, slope.mul(simd, s), damping);
+                }
+                if mirrored && a != b {
+                    by_stiffness.copy_within(entry(a, b)..entry(a, b) + count, entry(b, a));
+                    by_damping.copy_within(entry(a, b)..entry(a, b) + count, entry(b, a));
                 }
             }
         }

@@ -6,7 +6,7 @@
 use crate::{Error, Result};
 use pulp::Simd;
 
-use crate::lanes::Complex;
+use crate::lanes::{Complex, Real};
 
 /// z(s) = k + s d.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,8 +37,8 @@ impl SpringDamper {
     /// z at each lane's s.
     #[inline(always)]
     pub fn value<S: Simd>(&self, simd: S, s: Complex<S>) -> Complex<S> {
-        let (k, d) = (simd.splat_f64s(self.stiffness), simd.splat_f64s(self.damping));
-        Complex { re: simd.mul_add_e_f64s(s.re, d, k), im: simd.mul_f64s(s.im, d) }
+        let (k, d) = (Real::splat(simd, self.stiffness), Real::splat(simd, self.damping));
+        Complex { re: k.add_mul(simd, s.re, d), im: s.im.mul(simd, d) }
     }
 
     /// ∂z/∂k = 1 and ∂z/∂d = s, times the parameters themselves where `relative` (that is ∂z/∂ln k, ∂z/∂ln d).
@@ -50,7 +50,7 @@ impl SpringDamper {
         relative: bool,
     ) -> [Complex<S>; Self::PARAMETERS] {
         let (k, d) = if relative { (self.stiffness, self.damping) } else { (1.0, 1.0) };
-        [Complex { re: simd.splat_f64s(k), im: simd.splat_f64s(0.0) }, s.scale(simd, simd.splat_f64s(d))]
+        [Complex::splat(simd, k), s.scale(simd, Real::splat(simd, d))]
     }
 }
 

@@ -2,55 +2,154 @@
 
 use pulp::{Simd, bytemuck};
 
-/// One complex number per lane, real and imaginary parts in registers of their own.
-#[derive(Debug, Clone, Copy)]
-pub struct Complex<S: Simd> {
-    /// Real parts.
-    pub re: S::f64s,
-    /// Imaginary parts.
-    pub im: S::f64s,
+/// Registers that every number here spans: two of them share the cost of the loops around the arithmetic.
+pub const REGISTERS: usize = 2;
+
+/// Evaluation points that are handled at a time.
+pub const fn lanes<S: Simd>() -> usize {
+    REGISTERS * S::F64_LANES
 }
 
-impl<S: Simd> Complex<S> {
-    /// Zero in every lane.
+/// One real number per lane.
+#[derive(Debug, Clone, Copy)]
+pub struct Real<S: Simd>(pub [S::f64s; REGISTERS]);
+
+impl<S: Simd> Real<S> {
+    /// The same number in every lane.
     #[inline(always)]
-    pub fn zero(simd: S) -> Self {
-        Self { re: simd.splat_f64s(0.0), im: simd.splat_f64s(0.0) }
+    pub fn splat(simd: S, value: f64) -> Self {
+        Self([simd.splat_f64s(value); REGISTERS])
+    }
+
+    #[inline(always)]
+    fn map2(self, b: Self, f: impl Fn(S::f64s, S::f64s) -> S::f64s) -> Self {
+        Self([f(self.0[0], b.0[0]), f(self.0[1], b.0[1])])
     }
 
     /// self + b.
     #[inline(always)]
     pub fn add(self, simd: S, b: Self) -> Self {
-        Self { re: simd.add_f64s(self.re, b.re), im: simd.add_f64s(self.im, b.im) }
+        self.map2(b, |a, b| simd.add_f64s(a, b))
+    }
+
+    /// self − b.
+    #[inline(always)]
+    pub fn sub(self, simd: S, b: Self) -> Self {
+        self.map2(b, |a, b| simd.sub_f64s(a, b))
+    }
+
+    /// self · b.
+    #[inline(always)]
+    pub fn mul(self, simd: S, b: Self) -> Self {
+        self.map2(b, |a, b| simd.mul_f64s(a, b))
+    }
+
+    /// self / b.
+    #[inline(always)]
+    pub fn div(self, simd: S, b: Self) -> Self {
+        self.map2(b, |a, b| simd.div_f64s(a, b))
+    }
+
+    /// The smaller of the two.
+    #[inline(always)]
+    pub fn min(self, simd: S, b: Self) -> Self {
+        self.map2(b, |a, b| simd.min_f64s(a, b))
+    }
+
+    /// −self.
+    #[inline(always)]
+    pub fn neg(self, simd: S) -> Self {
+        Self([simd.neg_f64s(self.0[0]), simd.neg_f64s(self.0[1])])
+    }
+
+    /// √self.
+    #[inline(always)]
+    pub fn sqrt(self, simd: S) -> Self {
+        Self([simd.sqrt_f64s(self.0[0]), simd.sqrt_f64s(self.0[1])])
+    }
+
+    /// self + a·b.
+    #[inline(always)]
+    pub fn add_mul(self, simd: S, a: Self, b: Self) -> Self {
+        let one = |i: usize| simd.mul_add_e_f64s(a.0[i], b.0[i], self.0[i]);
+        Self([one(0), one(1)])
+    }
+
+    /// self − a·b.
+    #[inline(always)]
+    pub fn sub_mul(self, simd: S, a: Self, b: Self) -> Self {
+        let one = |i: usize| simd.negate_mul_add_e_f64s(a.0[i], b.0[i], self.0[i]);
+        Self([one(0), one(1)])
+    }
+
+    /// The lanes as a slice.
+    #[inline(always)]
+    pub fn as_slice(&self) -> &[f64] {
+        bytemuck::cast_slice(&self.0)
+    }
+
+    /// The lanes as a mutable slice.
+    #[inline(always)]
+    pub fn as_mut_slice(&mut self) -> &mut [f64] {
+        bytemuck::cast_slice_mut(&mut self.0)
+    }
+}
+
+/// One complex number per lane, real and imaginary parts in registers of their own.
+#[derive(Debug, Clone, Copy)]
+pub struct Complex<S: Simd> {
+    /// Real parts.
+    pub re: Real<S>,
+    /// Imaginary parts.
+    pub im: Real<S>,
+}
+
+impl<S: Simd> Complex<S> {
+    /// A real number in every lane.
+    #[inline(always)]
+    pub fn splat(simd: S, value: f64) -> Self {
+        Self { re: Real::splat(simd, value), im: Real::splat(simd, 0.0) }
+    }
+
+    /// Zero in every lane.
+    #[inline(always)]
+    pub fn zero(simd: S) -> Self {
+        Self::splat(simd, 0.0)
+    }
+
+    /// self + b.
+    #[inline(always)]
+    pub fn add(self, simd: S, b: Self) -> Self {
+        Self { re: self.re.add(simd, b.re), im: self.im.add(simd, b.im) }
     }
 
     /// self · b.
     #[inline(always)]
     pub fn mul(self, simd: S, b: Self) -> Self {
         Self {
-            re: simd.negate_mul_add_e_f64s(self.im, b.im, simd.mul_f64s(self.re, b.re)),
-            im: simd.mul_add_e_f64s(self.im, b.re, simd.mul_f64s(self.re, b.im)),
+            re: self.re.mul(simd, b.re).sub_mul(simd, self.im, b.im),
+            im: self.re.mul(simd, b.im).add_mul(simd, self.im, b.re),
         }
     }
 
     /// −self.
     #[inline(always)]
     pub fn neg(self, simd: S) -> Self {
-        Self { re: simd.neg_f64s(self.re), im: simd.neg_f64s(self.im) }
+        Self { re: self.re.neg(simd), im: self.im.neg(simd) }
     }
 
     /// self · a for a real a.
     #[inline(always)]
-    pub fn scale(self, simd: S, a: S::f64s) -> Self {
-        Self { re: simd.mul_f64s(self.re, a), im: simd.mul_f64s(self.im, a) }
+    pub fn scale(self, simd: S, a: Real<S>) -> Self {
+        Self { re: self.re.mul(simd, a), im: self.im.mul(simd, a) }
     }
 
     /// self + a·b.
     #[inline(always)]
     pub fn add_mul(self, simd: S, a: Self, b: Self) -> Self {
         Self {
-            re: simd.negate_mul_add_e_f64s(a.im, b.im, simd.mul_add_e_f64s(a.re, b.re, self.re)),
-            im: simd.mul_add_e_f64s(a.im, b.re, simd.mul_add_e_f64s(a.re, b.im, self.im)),
+            re: self.re.add_mul(simd, a.re, b.re).sub_mul(simd, a.im, b.im),
+            im: self.im.add_mul(simd, a.re, b.im).add_mul(simd, a.im, b.re),
         }
     }
 
@@ -58,21 +157,21 @@ impl<S: Simd> Complex<S> {
     #[inline(always)]
     pub fn sub_mul(self, simd: S, a: Self, b: Self) -> Self {
         Self {
-            re: simd.mul_add_e_f64s(a.im, b.im, simd.negate_mul_add_e_f64s(a.re, b.re, self.re)),
-            im: simd.negate_mul_add_e_f64s(a.im, b.re, simd.negate_mul_add_e_f64s(a.re, b.im, self.im)),
+            re: self.re.sub_mul(simd, a.re, b.re).add_mul(simd, a.im, b.im),
+            im: self.im.sub_mul(simd, a.re, b.im).sub_mul(simd, a.im, b.re),
         }
     }
 
     /// self + a·b for a real a.
     #[inline(always)]
-    pub fn add_scaled(self, simd: S, a: S::f64s, b: Self) -> Self {
-        Self { re: simd.mul_add_e_f64s(a, b.re, self.re), im: simd.mul_add_e_f64s(a, b.im, self.im) }
+    pub fn add_scaled(self, simd: S, a: Real<S>, b: Self) -> Self {
+        Self { re: self.re.add_mul(simd, a, b.re), im: self.im.add_mul(simd, a, b.im) }
     }
 
     /// |self|².
     #[inline(always)]
-    pub fn norm_squared(self, simd: S) -> S::f64s {
-        simd.mul_add_e_f64s(self.re, self.re, simd.mul_f64s(self.im, self.im))
+    pub fn norm_squared(self, simd: S) -> Real<S> {
+        self.im.mul(simd, self.im).add_mul(simd, self.re, self.re)
     }
 
     /// 1 / self.
@@ -83,35 +182,23 @@ impl<S: Simd> Complex<S> {
 
     /// Conjugate of self divided by a real.
     #[inline(always)]
-    fn conj_over(self, simd: S, size: S::f64s) -> Self {
-        let scale = simd.div_f64s(simd.splat_f64s(1.0), size);
-        Self { re: simd.mul_f64s(self.re, scale), im: simd.neg_f64s(simd.mul_f64s(self.im, scale)) }
+    fn conj_over(self, simd: S, size: Real<S>) -> Self {
+        let scale = Real::splat(simd, 1.0).div(simd, size);
+        Self { re: self.re.mul(simd, scale), im: self.im.mul(simd, scale).neg(simd) }
     }
 
     /// The number in one lane.
     #[inline(always)]
     pub fn lane(&self, lane: usize) -> (f64, f64) {
-        (slice_of::<S>(&self.re)[lane], slice_of::<S>(&self.im)[lane])
+        (self.re.as_slice()[lane], self.im.as_slice()[lane])
     }
 
     /// Overwrites the number in one lane.
     #[inline(always)]
     pub fn set_lane(&mut self, lane: usize, (re, im): (f64, f64)) {
-        slice_of_mut::<S>(&mut self.re)[lane] = re;
-        slice_of_mut::<S>(&mut self.im)[lane] = im;
+        self.re.as_mut_slice()[lane] = re;
+        self.im.as_mut_slice()[lane] = im;
     }
-}
-
-/// The lanes of one register as a slice.
-#[inline(always)]
-pub fn slice_of<S: Simd>(register: &S::f64s) -> &[f64] {
-    bytemuck::cast_slice(std::slice::from_ref(register))
-}
-
-/// The lanes of one register as a mutable slice.
-#[inline(always)]
-pub fn slice_of_mut<S: Simd>(register: &mut S::f64s) -> &mut [f64] {
-    bytemuck::cast_slice_mut(std::slice::from_mut(register))
 }
 
 /// Offset of row i in a packed lower triangle.
@@ -120,84 +207,88 @@ pub const fn row(i: usize) -> usize {
     i * (i + 1) / 2
 }
 
+/// Rows that [`factor`] and columns that a solution treats together: they share every load of the factor, and their
+/// accumulators stay in registers.
+pub const SIDE_BY_SIDE: usize = 3;
+
 /// Factors a packed lower triangle Z = L D Lᵀ in place, without pivoting: L below, 1/D on the diagonal.
 ///
 /// Safe where the imaginary part is definite (damped, s = iω); elsewhere a pivot can be small. Returned per lane is the
-/// smallest |d_j|² − floor_j, negative where a pivot fell below its floor. `column` is scratch of length n.
+/// smallest |d_j|² − floor_j, negative where a pivot fell below its floor. `scratch` has room for n × [`SIDE_BY_SIDE`].
 #[inline(always)]
 pub fn factor<S: Simd>(
     simd: S,
     z: &mut [Complex<S>],
     n: usize,
-    floor: &[S::f64s],
-    column: &mut [Complex<S>],
-) -> S::f64s {
-    match n {
-        3 => factor_n(simd, z, 3, floor, column),
-        6 => factor_n(simd, z, 6, floor, column),
-        9 => factor_n(simd, z, 9, floor, column),
-        _ => factor_n(simd, z, n, floor, column),
+    floor: &[Real<S>],
+    scratch: &mut [Complex<S>],
+) -> Real<S> {
+    let mut margin = Real::splat(simd, f64::INFINITY);
+    let whole = n / SIDE_BY_SIDE * SIDE_BY_SIDE;
+    for start in (0..whole).step_by(SIDE_BY_SIDE) {
+        let scratch = scratch.as_chunks_mut::<SIDE_BY_SIDE>().0;
+        margin = margin.min(simd, factor_rows(simd, z, start, floor, scratch));
     }
-}
-
-#[inline(always)]
-fn factor_n<S: Simd>(
-    simd: S,
-    z: &mut [Complex<S>],
-    n: usize,
-    floor: &[S::f64s],
-    column: &mut [Complex<S>],
-) -> S::f64s {
-    let mut margin = simd.splat_f64s(f64::INFINITY);
-    for j in 0..n {
-        let pivot = z[row(j) + j];
-        let size = pivot.norm_squared(simd);
-        margin = simd.min_f64s(margin, simd.sub_f64s(size, floor[j]));
-        let inverse = pivot.conj_over(simd, size);
-        z[row(j) + j] = inverse;
-        for i in j + 1..n {
-            column[i] = z[row(i) + j]; // L·D, before it becomes L
-        }
-        for i in j + 1..n {
-            let tail = &mut z[row(i)..row(i) + i + 1];
-            let l = column[i].mul(simd, inverse);
-            tail[j] = l;
-            for (entry, &above) in tail[j + 1..].iter_mut().zip(&column[j + 1..]) {
-                *entry = entry.sub_mul(simd, l, above);
-            }
-        }
+    for start in whole..n {
+        margin = margin.min(simd, factor_rows::<S, 1>(simd, z, start, floor, scratch.as_chunks_mut().0));
     }
     margin
 }
 
-/// Solves Z x = b in place after [`factor`].
+/// Rows `start` to `start + M` of the factor, those above being done.
 #[inline(always)]
-pub fn solve<S: Simd>(simd: S, z: &[Complex<S>], n: usize, x: &mut [Complex<S>]) {
-    match n {
-        3 => solve_n(simd, &z[..6], 3, &mut x[..3]),
-        6 => solve_n(simd, &z[..21], 6, &mut x[..6]),
-        9 => solve_n(simd, &z[..45], 9, &mut x[..9]),
-        _ => solve_n(simd, z, n, x),
-    }
-}
-
-#[inline(always)]
-fn solve_n<S: Simd>(simd: S, z: &[Complex<S>], n: usize, x: &mut [Complex<S>]) {
-    for i in 1..n {
-        let (known, rest) = x.split_at_mut(i);
-        let mut sum = rest[0];
-        for (&l, &value) in z[row(i)..row(i) + i].iter().zip(known.iter()) {
-            sum = sum.sub_mul(simd, l, value);
+#[allow(clippy::manual_memcpy)] // a copy of at most M entries must not become a call
+fn factor_rows<S: Simd, const M: usize>(
+    simd: S,
+    z: &mut [Complex<S>],
+    start: usize,
+    floor: &[Real<S>],
+    y: &mut [[Complex<S>; M]],
+) -> Real<S> {
+    let (above, rows) = z.split_at_mut(row(start));
+    let y = &mut y[..start];
+    let at = |b: usize| row(start + b) - row(start);
+    // Y = L D for these rows: forward substitution against the rows above.
+    for k in 0..start {
+        let mut sum = [Complex::zero(simd); M];
+        for b in 0..M {
+            sum[b] = rows[at(b) + k];
         }
-        rest[0] = sum;
+        for (&l, y) in above[row(k)..row(k) + k].iter().zip(y.iter()) {
+            for b in 0..M {
+                sum[b] = sum[b].sub_mul(simd, l, y[b]);
+            }
+        }
+        y[k] = sum;
     }
-    for (i, value) in x.iter_mut().enumerate() {
-        *value = value.mul(simd, z[row(i) + i]);
-    }
-    for i in (1..n).rev() {
-        let (open, solved) = x.split_at_mut(i);
-        for (&l, value) in z[row(i)..row(i) + i].iter().zip(open.iter_mut()) {
-            *value = value.sub_mul(simd, l, solved[0]);
+    // L = Y D⁻¹, and what is left of the diagonal block.
+    let mut block = [[Complex::zero(simd); M]; M];
+    for b in 0..M {
+        let line = &mut rows[at(b)..at(b) + start + b + 1];
+        for c in 0..=b {
+            block[b][c] = line[start + c];
+        }
+        for (k, (place, y)) in line[..start].iter_mut().zip(y.iter()).enumerate() {
+            let l = y[b].mul(simd, above[row(k) + k]);
+            for c in 0..=b {
+                block[b][c] = block[b][c].sub_mul(simd, l, y[c]);
+            }
+            *place = l;
         }
     }
+    let mut margin = Real::splat(simd, f64::INFINITY);
+    for j in 0..M {
+        let size = block[j][j].norm_squared(simd);
+        margin = margin.min(simd, size.sub(simd, floor[start + j]));
+        let inverse = block[j][j].conj_over(simd, size);
+        for b in j + 1..M {
+            let l = block[b][j].mul(simd, inverse);
+            for c in j + 1..=b {
+                block[b][c] = block[b][c].sub_mul(simd, l, block[c][j]);
+            }
+            rows[at(b) + start + j] = l;
+        }
+        rows[at(j) + start + j] = inverse;
+    }
+    margin
 }

@@ -5,6 +5,7 @@
 //! these with a measurement. Units are SI and radians throughout; six-vectors stack the linear part over the angular.
 
 pub mod bushing;
+mod columns;
 pub mod dynamics;
 pub mod error;
 pub mod frf;

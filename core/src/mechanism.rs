@@ -65,12 +65,24 @@ impl Mechanism {
             }
             finite("placement", placement_numbers(&node.placement))?;
             let inertia = &node.inertia;
-            finite("inertia", inertia.first.iter().chain(inertia.second.iter()).copied())?;
+            if let Motion::Revolute(axis) | Motion::Prismatic(axis) = &node.motion {
+                finite("axis", axis.iter().copied())?;
+            }
             if !(inertia.mass >= 0.0 && inertia.mass.is_finite()) {
                 return Err(Error::Value {
                     what: "mass",
                     got: inertia.mass,
                     expected: "a finite mass, zero or more",
+                });
+            }
+            finite("com", inertia.first.iter().copied())?;
+            finite("inertia", inertia.second.iter().copied())?;
+            let asymmetry = (inertia.second - inertia.second.transpose()).amax();
+            if asymmetry > 1e-9 * inertia.second.amax() {
+                return Err(Error::Value {
+                    what: "asymmetry of inertias",
+                    got: asymmetry,
+                    expected: "a symmetric tensor",
                 });
             }
             let mut path = node.parent.map_or_else(Vec::new, |p| support[p].clone());

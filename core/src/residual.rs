@@ -6,12 +6,12 @@
 
 use crate::frf::LinearSystem;
 use crate::impedance::SpringDamper;
-use crate::lanes::{slice_of, slice_of_mut};
+use crate::lanes::{REGISTERS, Real, lanes};
 use crate::mechanism::finite;
 use crate::solver::{Solver, load};
 use crate::{Error, Result};
 use nalgebra::Complex as C64;
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Arch, Simd, WithSimd, bytemuck};
 use rayon::prelude::*;
 
 /// Lines that one task works on: small enough to share a fit among threads, and fixed, so that results do not depend on
@@ -19,8 +19,8 @@ use rayon::prelude::*;
 const LINES_PER_TASK: usize = 64;
 /// Rows that are gathered before they are folded in; a block of this height and some twenty columns stays in cache.
 const ROWS_PER_BLOCK: usize = 128;
-/// Widest register in lanes; arrays are padded to it.
-const MAX_LANES: usize = 8;
+/// Most evaluation points that are handled at a time; arrays are padded to it.
+const MAX_LANES: usize = 8 * REGISTERS;
 
 /// One measured response matrix and the model that is to reproduce it.
 #[derive(Debug, Clone)]
@@ -185,6 +185,17 @@ impl<S: Simd> Block<S> {
         Self { groups: vec![simd.splat_f64s(0.0); width * height], height, filled: 0 }
     }
 
+    /// Puts the real and imaginary parts of one column into the next rows.
+    #[inline(always)]
+    fn put(&mut self, column: usize, parts: [Real<S>; 2]) {
+        let at = column * self.height + self.filled;
+        for (place, register) in
+            self.groups[at..at + 2 * REGISTERS].iter_mut().zip(parts.iter().flat_map(|part| part.0))
+        {
+            *place = register;
+        }
+    }
+
     /// Folds the filled rows into `triangle`: one Householder reflection per column over its diagonal and the block.
     #[inline(always)]
     fn fold(&mut self, simd: S, triangle: &mut Triangle) {
@@ -251,42 +262,37 @@ impl WithSimd for Task<'_> {
         let r = target.system.branches();
         let padded = target.s.len();
         let width = self.free.len() + 1;
-        let per_chunk = 2 * p * m;
+        let per_chunk = 2 * p * m * REGISTERS;
         let height = per_chunk * ROWS_PER_BLOCK.div_ceil(per_chunk * S::F64_LANES);
         let mut block = Block::<S>::new(simd, width, height);
         let mut triangle = Triangle::zeros(width);
         let mut solver = Solver::new(simd, &target.system, self.impedances);
         let end = (self.start + LINES_PER_TASK).min(padded);
-        for start in (self.start..end).step_by(S::F64_LANES) {
+        for start in (self.start..end).step_by(lanes::<S>()) {
             let s = load(simd, &target.s, start);
             solver.solve(simd, s, start, width > 1)?;
             for a in 0..p {
                 for b in 0..m {
                     let pair = a * m + b;
-                    let row = block.filled;
-                    block.filled += 2;
                     let h = solver.h[pair];
                     let ratio = h.mul(simd, load(simd, &target.inverse, pair * padded + start));
                     let weight = load(simd, &target.root_weight, pair * padded + start).re;
                     let (mut log, mut phase) = (ratio.norm_squared(simd), ratio.im);
-                    let valid = principal_logarithm::<S>(&mut log, &mut phase, &ratio.re);
-                    if !valid {
+                    if !principal_logarithm::<S>(&mut log, &mut phase, &ratio.re) {
                         return Err(Error::ZeroResponse { output: a, input: b, line: start });
                     }
-                    let last = (width - 1) * height + row;
-                    block.groups[last] = simd.mul_f64s(log, weight);
-                    block.groups[last + 1] = simd.mul_f64s(phase, weight);
-
-                    let scale = h.inverse(simd).scale(simd, simd.neg_f64s(weight));
+                    let residual = [log.mul(simd, weight), phase.mul(simd, weight)];
+                    block.put(width - 1, residual);
+                    let scale = h.inverse(simd).scale(simd, weight.neg(simd));
                     for (column, &parameter) in self.free.iter().enumerate() {
                         let (kind, branch) = (parameter / r, parameter % r);
                         let gradient = self.impedances[branch].gradient(simd, s, true)[kind];
                         let y = solver.at_outputs[branch * p + a];
                         let x = solver.at_inputs[branch * m + b];
                         let value = y.mul(simd, x).mul(simd, gradient.mul(simd, scale));
-                        block.groups[column * height + row] = value.re;
-                        block.groups[column * height + row + 1] = value.im;
+                        block.put(column, [value.re, value.im]);
                     }
+                    block.filled += 2 * REGISTERS;
                 }
             }
             if block.filled + per_chunk > height {
@@ -300,9 +306,9 @@ impl WithSimd for Task<'_> {
 
 /// ln|z| from |z|² in `log`, and arg z from its parts; false where z is zero or not finite.
 #[inline(always)]
-fn principal_logarithm<S: Simd>(log: &mut S::f64s, phase: &mut S::f64s, re: &S::f64s) -> bool {
+fn principal_logarithm<S: Simd>(log: &mut Real<S>, phase: &mut Real<S>, re: &Real<S>) -> bool {
     let mut valid = true;
-    let lanes = slice_of_mut::<S>(log).iter_mut().zip(slice_of_mut::<S>(phase)).zip(slice_of::<S>(re));
+    let lanes = log.as_mut_slice().iter_mut().zip(phase.as_mut_slice()).zip(re.as_slice());
     for ((log, im), &re) in lanes {
         valid &= *log > 0.0 && log.is_finite();
         *log = 0.5 * log.ln();
@@ -327,7 +333,8 @@ impl WithSimd for Merge<'_> {
         for column in 0..width {
             for row in 0..=column {
                 let group = &mut block.groups[column * height + row / S::F64_LANES];
-                slice_of_mut::<S>(group)[row % S::F64_LANES] = self.part.values[row * width + column];
+                let lanes: &mut [f64] = bytemuck::cast_slice_mut(std::slice::from_mut(group));
+                lanes[row % S::F64_LANES] = self.part.values[row * width + column];
             }
         }
         block.filled = height;

@@ -1,11 +1,12 @@
-//! Solves Z(s) X = J_inᵀ and Zᵀ(s) Y = J_outᵀ for one SIMD register of evaluation points.
+//! Solves Z(s) X = J_inᵀ and Zᵀ(s) Y = J_outᵀ for one group of evaluation points, one per SIMD lane.
 //!
 //! Symmetric systems go through the unpivoted LDLᵀ of [`crate::lanes`]; a lane whose pivots cancelled, and every lane of a
 //! system that is not symmetric, is solved by Gauss elimination with row exchanges.
 
-use crate::frf::LinearSystem;
+use crate::columns::Columns;
+use crate::frf::{LinearSystem, Slot};
 use crate::impedance::{Direction, SpringDamper};
-use crate::lanes::{self, Complex, row, slice_of};
+use crate::lanes::{self, Complex, REGISTERS, Real, SIDE_BY_SIDE, lanes, row};
 use crate::{Error, Result};
 use nalgebra::Complex as C64;
 use pulp::{Simd, bytemuck};
@@ -13,48 +14,59 @@ use pulp::{Simd, bytemuck};
 /// A pivot whose size fell below this share of the terms that made it has lost six digits: that lane is solved again.
 const PIVOT_FLOOR: f64 = 1e-6;
 
-/// Loads up to one register's worth of complex numbers from `start`; past the end the last one is repeated.
+/// Loads [`lanes`] complex numbers from `start`; past the end the last one is repeated.
 ///
 /// Lanes come in the architecture's shuffled order; [`store`] undoes it, and arithmetic by lanes does not care.
 #[inline(always)]
 pub(crate) fn load<S: Simd>(simd: S, from: &[C64<f64>], start: usize) -> Complex<S> {
-    let mut pair = [simd.splat_f64s(0.0); 2];
-    let flat: &mut [C64<f64>] = bytemuck::cast_slice_mut(&mut pair);
+    let mut pairs = [[simd.splat_f64s(0.0); 2]; REGISTERS];
+    let flat: &mut [C64<f64>] = bytemuck::cast_slice_mut(pairs.as_flattened_mut());
     let rest = &from[start..];
-    if rest.len() >= S::F64_LANES {
-        flat[..S::F64_LANES].copy_from_slice(&rest[..S::F64_LANES]); // of constant length: no call
+    if rest.len() >= lanes::<S>() {
+        flat[..lanes::<S>()].copy_from_slice(&rest[..lanes::<S>()]); // of constant length: no call
     } else {
         flat[..rest.len()].copy_from_slice(rest);
         flat[rest.len()..].fill(rest[rest.len() - 1]);
     }
-    let [re, im] = simd.deinterleave_shfl_f64s(pair);
-    Complex { re, im }
+    let pairs = pairs.map(|pair| simd.deinterleave_shfl_f64s(pair));
+    Complex { re: Real(pairs.map(|[re, _]| re)), im: Real(pairs.map(|[_, im]| im)) }
 }
 
-/// Stores a register's worth of complex numbers at `start`, cut at the end of `to`.
+/// Stores [`lanes`] complex numbers at the beginning of `to`, as many as fit.
 #[inline(always)]
-pub(crate) fn store<S: Simd>(simd: S, value: Complex<S>, to: &mut [C64<f64>], start: usize) {
-    let pair = simd.interleave_shfl_f64s([value.re, value.im]);
-    let flat: &[C64<f64>] = bytemuck::cast_slice(&pair);
-    let rest = &mut to[start..];
-    if rest.len() >= S::F64_LANES {
-        rest[..S::F64_LANES].copy_from_slice(&flat[..S::F64_LANES]);
+pub(crate) fn store<S: Simd>(simd: S, value: Complex<S>, to: &mut [Slot]) {
+    let mut pairs = [[value.re.0[0], value.im.0[0]]; REGISTERS];
+    for (i, pair) in pairs.iter_mut().enumerate() {
+        *pair = simd.interleave_shfl_f64s([value.re.0[i], value.im.0[i]]);
+    }
+    if to.len() >= lanes::<S>() {
+        // SAFETY: `pairs` is exactly `lanes` complex numbers, and `to` has room for them.
+        unsafe { to.as_mut_ptr().cast::<[[S::f64s; 2]; REGISTERS]>().write_unaligned(pairs) };
     } else {
-        rest.copy_from_slice(&flat[..rest.len()]);
+        store_some(bytemuck::cast_slice(pairs.as_flattened()), to);
     }
 }
 
-/// Solves one register of evaluation points at a time; memory is allocated once and reused.
+/// The last, incomplete group of lines.
+#[cold]
+fn store_some(from: &[C64<f64>], to: &mut [Slot]) {
+    for (place, &value) in to.iter_mut().zip(from) {
+        place.write(value);
+    }
+}
+
+/// Solves one group of evaluation points at a time; memory is allocated once and reused.
 pub(crate) struct Solver<'a, S: Simd> {
     system: &'a LinearSystem,
     impedances: &'a [SpringDamper],
     /// Size of the terms on the diagonal of Z: of order s⁰, s¹ and s².
     scale: Vec<[f64; 3]>,
-    floor: Vec<S::f64s>,
-    column: Vec<Complex<S>>,
+    floor: Vec<Real<S>>,
+    scratch: Vec<Complex<S>>,
     z: Vec<Complex<S>>,
-    x: Vec<Complex<S>>,
-    y: Vec<Complex<S>>,
+    x: Columns<S>,
+    /// Empty where X serves as Y.
+    y: Option<Columns<S>>,
     /// H, p×m.
     pub(crate) h: Vec<Complex<S>>,
     /// b_rᵀ Y_a, r×p.
@@ -85,49 +97,40 @@ impl<'a, S: Simd> Solver<'a, S> {
             system,
             impedances,
             scale,
-            floor: vec![simd.splat_f64s(0.0); n],
-            column: vec![zero; n],
+            floor: vec![Real::splat(simd, 0.0); n],
+            scratch: vec![zero; SIDE_BY_SIDE * n],
             z: vec![zero; row(n)],
-            x: vec![zero; n * m],
-            y: vec![zero; if system.same { 0 } else { n * p }],
+            x: Columns::zeros(simd, n, m),
+            y: (!(system.same && system.symmetric)).then(|| Columns::zeros(simd, n, p)),
             h: vec![zero; p * m],
             at_outputs: vec![zero; r * p],
             at_inputs: vec![zero; r * m],
         }
     }
 
-    /// Fills `h` and, where `branches`, `at_outputs` and `at_inputs` for one register of points; `start` is the index of
+    /// Fills `h` and, where `branches`, `at_outputs` and `at_inputs` for one group of points; `start` is the index of
     /// its first point, for the error message.
     #[inline(always)]
     pub(crate) fn solve(&mut self, simd: S, s: Complex<S>, start: usize, branches: bool) -> Result<()> {
-        let (n, (p, m)) = (self.system.n, self.system.shape());
+        let (n, (_, m)) = (self.system.n, self.system.shape());
         let mut trusted = 0_u64;
         if self.system.symmetric {
             self.assemble(simd, s);
-            let margin = lanes::factor(simd, &mut self.z, n, &self.floor, &mut self.column);
+            let margin = lanes::factor(simd, &mut self.z, n, &self.floor, &mut self.scratch);
+            self.x.solve(simd, &self.z, &self.system.inputs);
+            if let Some(y) = &mut self.y {
+                y.solve(simd, &self.z, &self.system.outputs);
+            }
+            // A pivot that broke down spoils every entry of its column of X.
+            let mut size = Real::splat(simd, 0.0);
             for b in 0..m {
-                let column = &mut self.x[b * n..(b + 1) * n];
-                splat_row(simd, &self.system.inputs[b * n..(b + 1) * n], column);
-                lanes::solve(simd, &self.z, n, column);
+                size = size.add(simd, self.x.at(0, b).norm_squared(simd));
             }
-            if !self.system.same {
-                for a in 0..p {
-                    let column = &mut self.y[a * n..(a + 1) * n];
-                    splat_row(simd, &self.system.outputs[a * n..(a + 1) * n], column);
-                    lanes::solve(simd, &self.z, n, column);
-                }
-            }
-            let mut size = simd.splat_f64s(0.0);
-            for value in &self.x {
-                size = simd.add_f64s(size, value.norm_squared(simd));
-            }
-            for (lane, (&margin, &size)) in
-                slice_of::<S>(&margin).iter().zip(slice_of::<S>(&size)).enumerate()
-            {
+            for (lane, (&margin, &size)) in margin.as_slice().iter().zip(size.as_slice()).enumerate() {
                 trusted |= u64::from(margin >= 0.0 && size.is_finite()) << lane;
             }
         }
-        for lane in 0..S::F64_LANES {
+        for lane in 0..lanes::<S>() {
             if trusted >> lane & 1 == 0 {
                 self.solve_lane(simd, s, lane, start)?;
             }
@@ -142,20 +145,20 @@ impl<'a, S: Simd> Solver<'a, S> {
         let n = self.system.n;
         let s2 = s.mul(simd, s);
         let size2 = s.norm_squared(simd);
-        let size = simd.sqrt_f64s(size2);
+        let size = size2.sqrt(simd);
+        let (mass, damping, stiffness) = (&self.system.mass, &self.system.damping, &self.system.stiffness);
         for i in 0..n {
-            let [k, c, mass] = self.scale[i].map(|v| simd.splat_f64s(v));
-            let scale = simd.mul_add_e_f64s(size2, mass, simd.mul_add_e_f64s(size, c, k));
-            let scale = simd.mul_f64s(scale, simd.splat_f64s(PIVOT_FLOOR));
-            self.floor[i] = simd.mul_f64s(scale, scale);
-            for j in 0..=i {
-                let at = i * n + j;
-                let mass = simd.splat_f64s(self.system.mass[at]);
-                let c = simd.splat_f64s(self.system.damping[at]);
-                let k = simd.splat_f64s(self.system.stiffness[at]);
-                self.z[row(i) + j] = Complex {
-                    re: simd.mul_add_e_f64s(s2.re, mass, simd.mul_add_e_f64s(s.re, c, k)),
-                    im: simd.mul_add_e_f64s(s2.im, mass, simd.mul_f64s(s.im, c)),
+            let [k, c, m] = self.scale[i].map(|v| Real::splat(simd, v));
+            let scale = k.add_mul(simd, size, c).add_mul(simd, size2, m);
+            let floor = scale.mul(simd, Real::splat(simd, PIVOT_FLOOR));
+            self.floor[i] = floor.mul(simd, floor);
+            let entries = self.z[row(i)..row(i) + i + 1].iter_mut();
+            let terms = mass[i * n..].iter().zip(&damping[i * n..]).zip(&stiffness[i * n..]);
+            for (entry, ((&m, &c), &k)) in entries.zip(terms) {
+                let [k, c, m] = [k, c, m].map(|v| Real::splat(simd, v));
+                *entry = Complex {
+                    re: k.add_mul(simd, s.re, c).add_mul(simd, s2.re, m),
+                    im: s.im.mul(simd, c).add_mul(simd, s2.im, m),
                 };
             }
         }
@@ -166,7 +169,7 @@ impl<'a, S: Simd> Solver<'a, S> {
                 Direction::Dense(b) => {
                     for i in 0..n {
                         for j in 0..=i {
-                            let weight = simd.splat_f64s(b[i] * b[j]);
+                            let weight = Real::splat(simd, b[i] * b[j]);
                             self.z[row(i) + j] = self.z[row(i) + j].add_scaled(simd, weight, value);
                         }
                     }
@@ -178,23 +181,21 @@ impl<'a, S: Simd> Solver<'a, S> {
     /// One lane again, or for the first time if Z is not symmetric: Gauss with row exchanges.
     #[cold]
     fn solve_lane(&mut self, simd: S, s: Complex<S>, lane: usize, start: usize) -> Result<()> {
-        let (n, (p, m)) = (self.system.n, self.system.shape());
+        let n = self.system.n;
         let (re, im) = s.lane(lane);
-        let order: Vec<_> = (0..S::F64_LANES).map(|i| C64::new(i as f64, 0.0)).collect();
+        let order: Vec<_> = (0..lanes::<S>()).map(|i| C64::new(i as f64, 0.0)).collect();
         let line = start + load(simd, &order, 0).lane(lane).0 as usize;
         let z = self.system.dense(C64::new(re, im), self.impedances);
-        let transposed: Vec<_> = (0..n * n).map(|i| z[i % n * n + i / n]).collect();
-        let x = pivoted_solve(n, z, &self.system.inputs).ok_or(Error::Singular { line })?;
-        for (place, value) in self.x.iter_mut().zip(&x[..n * m]) {
-            place.set_lane(lane, (value.re, value.im));
+        let x = pivoted_solve(n, z.clone(), &self.system.inputs).ok_or(Error::Singular { line })?;
+        for (i, value) in x.iter().enumerate() {
+            self.x.set_lane(i % n, i / n, lane, (value.re, value.im));
         }
-        if self.system.same && self.system.symmetric {
-            return Ok(());
-        }
-        let y = pivoted_solve(n, transposed, &self.system.outputs).ok_or(Error::Singular { line })?;
-        self.y.resize(n * p, Complex::zero(simd));
-        for (place, value) in self.y.iter_mut().zip(&y) {
-            place.set_lane(lane, (value.re, value.im));
+        if let Some(columns) = &mut self.y {
+            let transposed = (0..n * n).map(|i| z[i % n * n + i / n]).collect();
+            let y = pivoted_solve(n, transposed, &self.system.outputs).ok_or(Error::Singular { line })?;
+            for (i, value) in y.iter().enumerate() {
+                columns.set_lane(i % n, i / n, lane, (value.re, value.im));
+            }
         }
         Ok(())
     }
@@ -206,42 +207,25 @@ impl<'a, S: Simd> Solver<'a, S> {
         for a in 0..p {
             let jacobian = &self.system.outputs[a * n..(a + 1) * n];
             for b in 0..m {
-                self.h[a * m + b] = dot(simd, jacobian, &self.x[b * n..(b + 1) * n]);
+                self.h[a * m + b] = self.x.dot(simd, jacobian, b);
             }
         }
         if !branches {
             return;
         }
-        let y = if self.y.is_empty() { &self.x } else { &self.y };
+        let y = self.y.as_ref().unwrap_or(&self.x);
         for (branch, direction) in self.system.directions.iter().enumerate() {
             for (solution, count, place) in [(y, p, &mut self.at_outputs), (&self.x, m, &mut self.at_inputs)]
             {
                 for a in 0..count {
-                    let column = &solution[a * n..(a + 1) * n];
                     place[branch * count + a] = match direction {
-                        Direction::Coordinate(i) => column[*i],
-                        Direction::Dense(b) => dot(simd, b, column),
+                        Direction::Coordinate(i) => solution.at(*i, a),
+                        Direction::Dense(b) => solution.dot(simd, b, a),
                     };
                 }
             }
         }
     }
-}
-
-#[inline(always)]
-fn splat_row<S: Simd>(simd: S, row: &[f64], column: &mut [Complex<S>]) {
-    for (place, &value) in column.iter_mut().zip(row) {
-        *place = Complex { re: simd.splat_f64s(value), im: simd.splat_f64s(0.0) };
-    }
-}
-
-#[inline(always)]
-fn dot<S: Simd>(simd: S, weights: &[f64], column: &[Complex<S>]) -> Complex<S> {
-    let mut sum = Complex::zero(simd);
-    for (&weight, &value) in weights.iter().zip(column) {
-        sum = sum.add_scaled(simd, simd.splat_f64s(weight), value);
-    }
-    sum
 }
 
 /// Solves Z x = b for every row b of `rights`; `None` where Z is singular to rounding.

@@ -36,7 +36,7 @@ Location = tuple[str | int, ...]
 _NULLS = frozenset({"", "~", "null", "Null", "NULL"})
 _BOOLS = {"true": True, "True": True, "TRUE": True, "false": False, "False": False, "FALSE": False}
 _INTEGER = re.compile(r"[+-]?\d{1,18}", re.ASCII)
-_FLOAT = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+_FLOAT = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 _NOT_FINITE = re.compile(r"[+-]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)")
 
 
@@ -192,9 +192,12 @@ class _Reader:
     def __init__(self, text: str, origin: str) -> None:
         self.text, self.origin = text, origin
         self.root: Node | None = None
+        # The collections around the next value, the way to the innermost, and the key each waits with.
         self.open: list[Node] = []
+        self.path: list[str | int] = []
         self.pending_key: list[Node | None] = []
         self.documents = 0
+        self.line = 1
 
     def read(self) -> Node:
         try:
@@ -203,10 +206,7 @@ class _Reader:
         except RobotFileError:
             raise
         except MarkedYAMLError as error:
-            mark = error.problem_mark or error.context_mark
-            raise self.refusal(
-                mark.line + 1 if mark else 1, _one_line(error.problem or error.context), "well-formed YAML"
-            ) from error
+            raise self.syntax_refusal(error) from error
         except YAMLError as error:
             # The only unmarked one is the reader's, about a character.
             line = self.text.count("\n", 0, getattr(error, "position", 0)) + 1
@@ -220,26 +220,27 @@ class _Reader:
             AssertionError,
         ) as error:
             # Broken escapes and directives end in stray exceptions inside the parser.
-            raise self.refusal(
-                1, f"text the YAML parser fails on ({type(error).__name__})", "well-formed YAML"
-            ) from (error)
+            found = f"text the YAML parser fails on ({type(error).__name__})"
+            raise self.refusal(self.line, found, "well-formed YAML") from error
         if self.root is None:
             raise self.refusal(1, "an empty file", "a robot description that starts with `armonic: 1`")
         return self.root
 
     def take(self, event: Any) -> None:
-        line = event.start_mark.line + 1
+        line = self.line = event.start_mark.line + 1
         if isinstance(event, DocumentStartEvent):
             self.documents += 1
             if self.documents > 1:
                 raise self.refusal(line, "a second document (`---`)", "one document per file")
             if event.version or event.tags:
-                raise self.refusal(
-                    line, "a YAML directive (`%`)", "none", "Remove the lines that start with %."
-                )
+                lines = enumerate(self.text.splitlines(), 1)
+                line = next((i for i, text in lines if text.startswith("%")), line)
+                hint = "Remove the lines that start with %."
+                raise self.refusal(line, "a YAML directive (`%`)", "none", hint)
         elif isinstance(event, CollectionEndEvent):
             node = self.open.pop()
             self.pending_key.pop()
+            del self.path[max(len(self.open) - 1, 0) :]
             node.end = event.end_mark.index
         elif isinstance(event, NodeEvent):
             self.refuse_features(event, line)
@@ -271,21 +272,29 @@ class _Reader:
 
     def place(self, node: Node, *, is_collection: bool) -> None:
         parent = self.open[-1] if self.open else None
+        part: str | int | None = None
         if parent is None:
             self.root = node
         elif isinstance(parent.data, list):
-            parent.items[len(parent.data)] = node
+            part = len(parent.data)
             parent.data.append(node.data)
         elif (key := self.pending_key[-1]) is None:
             self.take_key(node, parent)
         else:
+            part = key.data
+            if node.start == node.end:
+                # The parser places a missing value at whatever comes next.
+                node.line, node.column, node.start, node.end = key.line, key.column, key.end, key.end
             parent.keys[key.data] = key
-            parent.items[key.data] = node
             parent.data[key.data] = node.data
             self.pending_key[-1] = None
+        if parent is not None and part is not None:
+            parent.items[part] = node
         if is_collection:
             self.open.append(node)
             self.pending_key.append(None)
+            if part is not None:
+                self.path.append(part)
 
     def take_key(self, key: Node, parent: Node) -> None:
         if not isinstance(key.data, str):
@@ -299,10 +308,21 @@ class _Reader:
             )
         self.pending_key[-1] = key
 
+    def syntax_refusal(self, error: MarkedYAMLError) -> RobotFileError:
+        mark, start = error.problem_mark or error.context_mark, error.context_mark
+        hint = None
+        if error.context and start is not None:
+            hint = f"It fails {_one_line(error.context)} that starts on line {start.line + 1}."
+        last = max(1, len(self.text.splitlines()))
+        found = f"a syntax error ({_one_line(error.problem or error.context)})"
+        return self.refusal(min(mark.line + 1, last) if mark else 1, found, "well-formed YAML", hint)
+
     def refusal(self, line: int, found: str, expected: str, hint: str | None = None) -> RobotFileError:
-        names: list[str | int] = []
-        for node, key in zip(self.open, self.pending_key, strict=True):
-            names += [len(node.data)] if isinstance(node.data, list) else [key.data] if key else []
+        names = list(self.path)
+        if self.open and isinstance(self.open[-1].data, list):
+            names.append(len(self.open[-1].data))
+        elif self.open and (key := self.pending_key[-1]) is not None:
+            names.append(key.data)
         path = dotted(tuple(names), self.root.data if self.root else None)
         where = f"{self.origin}, line {line}" + (f", {path}" if path else "")
         return RobotFileError(where, found=found, expected=expected, hint=hint)

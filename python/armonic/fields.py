@@ -28,14 +28,14 @@ _IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 class FieldError(RobotFileError):
     """An error inside a validator; `at` leads from the validated value to the fault.
 
-    With `at_key` the fault is the key there, not its value.
+    With `at_key` the fault is the key there, not its value; with `is_missing` it is what a mapping lacks.
     """
 
     def __init__(self, found: object, expected: str, hint: str | None = None, at: Location = ()) -> None:
         super().__init__(
             "here", found=found if isinstance(found, Found) else shown(found), expected=expected, hint=hint
         )
-        self.at, self.at_key = at, False
+        self.at, self.at_key, self.is_missing = at, False, False
 
 
 class Found(str):

@@ -37,9 +37,10 @@ def read_description(document: Document) -> RobotDescription:
     errors = list(_tree_errors(description))
     if not errors:
         postures: dict[str, tuple[float, ...]] = {}
-        errors = [*_frame_errors(description), *_posture_errors(description, postures)]
-        description = description.model_copy(update={"postures": postures})
+        errors += _frame_errors(description)
+        errors += _posture_errors(description, postures)
         errors += _bushing_errors(description)
+        description = description.model_copy(update={"postures": postures})
     if errors:
         raise _first(document, errors)
     return description
@@ -83,9 +84,8 @@ def joint_values(values: object, moving: Sequence[Link]) -> tuple[float, ...]:
         FieldError: not a list, of another length, or with an entry that is no angle or length.
     """
     if not isinstance(values, list | tuple) or len(values) != len(moving):
-        found = Found(f"{len(values)} values") if isinstance(values, list | tuple) else values
         names = listed([f"{link.name}.{link.joint.own}" for link in moving[:13]])
-        raise FieldError(found, f"a list of {len(moving)}: {names}")
+        raise FieldError(values, f"a list of {len(moving)}: {names}")
     return tuple(
         measured(value, "angle" if link.joint.type == "revolute" else "length", (i,))
         for i, (value, link) in enumerate(zip(values, moving, strict=True))
@@ -104,6 +104,8 @@ def _tree_errors(description: RobotDescription) -> Iterator[FieldError]:
         if link.name in parents:
             yield _repeated(link.name, "link", ("links", i, "name"))
         parents[link.name] = link.parent
+    if len(parents) < len(description.links):
+        return
     for i, link in enumerate(description.links):
         if link.parent != "base" and link.parent not in parents:
             yield _unknown(
@@ -188,9 +190,12 @@ def listed(names: Sequence[str], separator: str = ", ") -> str:
 
 
 def _first(document: Document, errors: list[FieldError]) -> RobotFileError:
-    def place(error: FieldError) -> tuple[int, int]:
-        node = document.key(error.at) if error.at_key else document.node(error.at)
-        return node.line, node.column
+    def place(error: FieldError) -> int:
+        if error.at_key:
+            return document.key(error.at).start
+        node = document.node(error.at)
+        # What is missing is missed at the end, so that a misspelt key is told first.
+        return node.end if error.is_missing else node.start
 
     first = min(errors, key=place)
     hint = first.hint
@@ -221,7 +226,9 @@ def _field_error(details: Mapping[str, Any]) -> FieldError:
         result.at_key = True
         return result
     if kind == "missing":
-        return FieldError(Found(f"no {at[-1]}"), f"the key {at[-1]}", at=at[:-1])
+        result = FieldError(Found(f"no {at[-1]}"), f"the key {at[-1]}", at=at[:-1])
+        result.is_missing = True
+        return result
     if kind == "literal_error":
         choices = [word.strip("' ") for word in str(context["expected"]).replace(" or ", ", ").split(",")]
         hint = did_you_mean(value, choices) if isinstance(value, str) else None

@@ -182,7 +182,7 @@ class Robot:
             inertias=tree.inertias,
             frame_nodes=list(tree.frame_nodes),
             frame_placements=tree.frame_placements,
-            gravity=self.gravity,
+            gravity=self._description.gravity,
         )
 
     def posture(self, posture: PostureLike) -> Array:

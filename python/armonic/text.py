@@ -1,4 +1,4 @@
-"""Numbers and results in words: how tables, pictures, the report and the command line print what was computed."""
+"""Numbers and results in words: how tables, pictures, report and command line print what was computed."""
 
 from __future__ import annotations
 
@@ -9,20 +9,22 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from armonic.response import Kind
     from armonic.updating import Fit
+    from armonic.updating.uncertainty import Verdict
 
-VERDICTS = ("identified", "weak", "not identifiable", "at bound")
+VERDICTS: tuple[Verdict, ...] = ("identified", "weak", "not identifiable", "at bound")
 """What a fit can say about a parameter, from best to worst."""
 
 _KIND_POWER = {"receptance": "", "mobility": "/s", "accelerance": "/s²"}
 
 
 def format_si(value: float, unit: str = "", *, digits: int = 4) -> str:
-    """A value to so many significant digits, beyond 0.001 to 9999 with an exponent that is a multiple of three.
+    """A value to so many significant digits; beyond 0.001 to 9999 its exponent is a multiple of three.
 
     Args:
         value: in SI; infinity prints as ∞ and NaN as n/a.
         unit: appended after a space.
         digits: significant digits, at least one.
+
     """
     return f"{_figures(float(value), digits)} {unit}".rstrip()
 
@@ -49,6 +51,7 @@ def format_interval(low: float, high: float, bounds: tuple[float, float] | None 
         low: lower end of a positive quantity; zero, minus infinity or NaN is open.
         high: upper end; infinity or NaN is open.
         bounds: an end beyond them is open too, for then they and not the data limit the parameter.
+
     """
     floor, ceiling = bounds if bounds is not None else (0.0, math.inf)
     left = format_si(low) if math.isfinite(low) and low > 0 and low >= floor else "open"
@@ -65,7 +68,7 @@ def format_spread(low: float, high: float) -> str:
 
 
 def format_percent(fraction: float, *, digits: int = 3) -> str:
-    """A fraction in percent: 0.01075 is "1.08 %"."""
+    """A fraction in percent: 0.01081 is "1.08 %"."""
     return format_si(100 * fraction, "%", digits=digits)
 
 
@@ -99,8 +102,8 @@ def listing(parts: list[str]) -> str:
 def split_path(path: str) -> tuple[str, str]:
     """A parameter path as a short name and a quantity: ("arm.z", "stiffness").
 
-    A path of another form than "links.<link>.elasticity.<axis>.<quantity>" or "bushings.<name>.<quantity>.<axis>"
-    comes back whole, with an empty quantity.
+    A path other than "links.<link>.elasticity.<axis>.<quantity>" or "bushings.<name>.<quantity>.<axis>" comes
+    back whole, with an empty quantity.
     """
     head, _, rest = path.partition(".")
     if head == "links" and len(parts := rest.rsplit(".", 3)) == 4 and parts[1] == "elasticity":
@@ -117,12 +120,13 @@ def frf_unit(kind: Kind, output: str, force: str) -> str:
         kind: what is divided by the force.
         output: the response axis; one that starts with r is a rotation.
         force: the input axis; one that starts with r is a moment.
+
     """
     response = f"{'rad' if output.startswith('r') else 'm'}{_KIND_POWER[kind]}"
     return f"{f'({response})' if '/' in response else response}/{'(N·m)' if force.startswith('r') else 'N'}"
 
 
-def verdict_counts(fit: Fit) -> dict[str, int]:
+def verdict_counts(fit: Fit) -> dict[Verdict, int]:
     """How many parameters have each verdict, all four in order, zeros included."""
     found = Counter(parameter.verdict for parameter in fit.parameters)
     return {verdict: found[verdict] for verdict in VERDICTS}
@@ -132,26 +136,28 @@ def summary(fit: Fit) -> str:
     """A fit in one paragraph: how it ended, what it reached at what expense, and what the data determine."""
     ended = {
         "converged": "The fit converged.",
-        "limit": "The fit stopped at its limit of evaluations before it converged; a longer run may improve it.",
+        "limit": "The fit stopped at its limit of evaluations before it converged; more may improve it.",
         "interrupted": "The fit was interrupted; this is the best it had found by then.",
     }[fit.status]
     effort = f"{count(fit.evaluations, 'evaluation')} and {format_duration(fit.duration_s)}"
-    change = "fell" if fit.cost < fit.start_cost else "stayed" if fit.cost == fit.start_cost else "went"
-    amount = f"at {format_si(fit.cost)}" if change == "stayed" else (
-        f"from {format_si(fit.start_cost)} to {format_si(fit.cost)}"
-    )
-    return f"{ended} The cost {change} {amount} in {effort}. {_determined(fit)}"
+    if fit.cost == fit.start_cost:
+        change = f"stayed at {format_si(fit.cost)}"
+    else:
+        way = "fell" if fit.cost < fit.start_cost else "rose"
+        change = f"{way} from {format_si(fit.start_cost)} to {format_si(fit.cost)}"
+    return f"{ended} The cost {change} in {effort}. {_determined(fit)}"
 
 
 def _determined(fit: Fit) -> str:
     counts, total = verdict_counts(fit), len(fit.parameters)
     if counts["identified"] == total:
         return f"The data determine {'the one parameter' if total == 1 else f'all {total} parameters'}."
-    words = {
+    words: dict[Verdict, str] = {
         "identified": "identified",
         "weak": "weakly determined",
         "not identifiable": "not identifiable from these data",
         "at bound": "at a bound",
     }
-    parts = [f"{number} {'is' if number == 1 else 'are'} {words[v]}" for v, number in counts.items() if number]
+    verbs = {1: "is"}
+    parts = [f"{n} {verbs.get(n, 'are')} {words[verdict]}" for verdict, n in counts.items() if n]
     return f"Of {count(total, 'parameter')}, {listing(parts)}."

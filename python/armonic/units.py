@@ -61,7 +61,7 @@ UNITS: Final[dict[Dimension, dict[str, float]]] = {
 LARGEST: Final = 1e30
 """Numbers beyond this are refused: no robot needs them, and their products would overflow."""
 
-_NUMBER_THEN_UNIT = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)", re.ASCII)
+_NUMBER_THEN_UNIT = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)(.*)", re.ASCII | re.DOTALL)
 _PLAIN_SIGNS = str.maketrans({"·": " ", "⋅": " ", "*": " ", "²": "^2", "µ": "u", "μ": "u", "°": "deg"})
 _WRITTEN_TOGETHER: Final = {
     dimension: {unit.replace(" ", ""): unit for unit in table} for dimension, table in UNITS.items()
@@ -123,7 +123,7 @@ def _with_unit(text: str, dimension: Dimension) -> float:
     match = _NUMBER_THEN_UNIT.fullmatch(text.strip())
     if match is None:
         raise _refusal(text, dimension)
-    figures, written = match.groups()
+    figures, written = match[1], match[2].strip()
     if not written:
         raise _refusal(text, dimension, f"Write it without quotes if it is in {si_unit(dimension)}.")
     unit = _unit_name(written, dimension)

@@ -19,8 +19,8 @@ from armonic.reading import did_you_mean
 from armonic.schema import BushingEntry, Link, RobotDescription
 from armonic.units import Dimension, number
 
-GROUPS: Final = {"elasticity": "*", "stiffness": "*.stiffness*", "damping": "*.damping*"}
-"""Words that stand for many parameters."""
+GROUPS: Final = ("elasticity", "stiffness", "damping")
+"""Words that stand for many parameters: all, and those of one kind."""
 
 
 @dataclass(frozen=True)
@@ -60,13 +60,12 @@ def list_parameters(description: RobotDescription, data: Any) -> dict[str, Param
     return {parameter.path: parameter for parameter in found}
 
 
-def select(paths: Iterable[str], pattern: str | Iterable[str]) -> list[str]:
-    """The paths that match a pattern, in their order.
+def select(parameters: Mapping[str, Parameter], pattern: str | Iterable[str]) -> list[str]:
+    """The paths that match a pattern, in the order of the parameters.
 
     Args:
-        paths: the paths there are.
-        pattern: a path, a shell pattern, one of the words "elasticity", "stiffness", "damping", or several of
-            them, separated by commas or in a list.
+        parameters: all there are, by path.
+        pattern: a path, a shell pattern, one of `GROUPS`, or several, separated by commas or in a list.
 
     Returns:
         The matching paths, each once.
@@ -74,17 +73,22 @@ def select(paths: Iterable[str], pattern: str | Iterable[str]) -> list[str]:
     Raises:
         UpdateError: a pattern matches nothing.
     """
-    known = list(paths)
     patterns = pattern.split(",") if isinstance(pattern, str) else list(pattern)
     chosen: set[str] = set()
     for one in (p.strip() for p in patterns):
-        matches = [path for path in known if fnmatchcase(path, GROUPS.get(one, one))]
+        matches = [path for path, parameter in parameters.items() if _matches(parameter, one)]
         if not matches:
-            raise unknown_path(one, known)
+            raise unknown_path(one, parameters)
         chosen.update(matches)
     if not chosen:
         raise UpdateError("parameters", found="no pattern", expected="at least one pattern or path")
-    return [path for path in known if path in chosen]
+    return [path for path in parameters if path in chosen]
+
+
+def _matches(parameter: Parameter, pattern: str) -> bool:
+    if pattern in GROUPS:
+        return pattern == "elasticity" or parameter.dimension.endswith(pattern)
+    return fnmatchcase(parameter.path, pattern)
 
 
 def unknown_path(path: str, known: Iterable[str]) -> UpdateError:

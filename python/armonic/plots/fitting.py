@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import itertools
 import math
 from typing import TYPE_CHECKING, Any
 
@@ -22,21 +23,22 @@ from armonic.plots.look import (
 from armonic.text import VERDICTS, format_interval, format_si, format_spread, split_path
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator
 
     from armonic.updating import Fit, FittedParameter
+    from armonic.updating.uncertainty import Verdict
 
 FARTHEST = 1000.0
 """Ratios to the fitted value beyond this, or below its inverse, end in an arrow at the edge."""
 
 
 def cost_history(fit: Fit) -> go.Figure:
-    """Draw the best cost (Huynh et al. 2021, Eq. 22) over the number of evaluations, on a logarithmic scale."""
+    """Draw the best cost (Huynh et al. 2021, Eq. 22) over evaluations, on a logarithmic scale."""
     cost = np.asarray(fit.cost_history, float)
     evaluations = np.arange(1, cost.size + 1)
     figure = go.Figure(layout={"template": TEMPLATE, "height": 270, "showlegend": False, "hovermode": "x"})
     figure.update_layout(
-        margin={"l": 70, "r": 80, "t": 16, "b": 46},
+        margin={"l": 70, "r": 8, "t": 28, "b": 46},
         xaxis={"title": {"text": "Evaluations"}, "range": [0, max(1, cost.size) * 1.02], "tickformat": "d"},
         yaxis={"title": {"text": "Cost"}} | log_axis(cost, least=1.0),
     )
@@ -53,8 +55,9 @@ def cost_history(fit: Fit) -> go.Figure:
             x=int(evaluations[-1]),
             y=math.log10(cost[-1]),
             text=format_si(float(cost[-1])),
-            xanchor="left",
-            xshift=8,
+            xanchor="right",
+            yanchor="bottom",
+            yshift=3,
             showarrow=False,
             font={"size": 12, "color": AFTER},
         )
@@ -64,29 +67,25 @@ def cost_history(fit: Fit) -> go.Figure:
 def parameter_intervals(fit: Fit) -> go.Figure:
     """Draw every parameter's 95 % interval, start and bounds relative to its value, on a logarithmic scale.
 
-    Stiffness and damping stand side by side where both were fitted. An interval without an end is an arrow to the edge.
+    Stiffness and damping stand side by side where both were fitted. An interval without an end is an arrow
+    to the edge.
     """
-    panels, rows = _panels(fit)
+    groups = _groups(fit)
+    rows = list(dict.fromkeys(name for group in groups.values() for name in group))
     labels = [html.escape(name if len(name) <= 40 else f"{name[:39]}…") for name in rows]
+    room = 22 + round(6.6 * max(map(len, labels), default=0))
     figure = go.Figure(layout={"template": TEMPLATE, "height": 24 * len(rows) + 116, "hovermode": "closest"})
-    figure.update_layout(margin={"l": 22 + round(6.6 * max(map(len, labels), default=0)), "r": 4, "t": 56, "b": 46})
-    named: set[str] = set()
-    for k, (quantity, parameters) in enumerate(panels.items()):
-        left, right = k / len(panels), (k + 1) / len(panels)
-        right -= 0.09 if len(panels) > 1 else 0.08
+    figure.update_layout(margin={"l": room, "r": 4, "t": 56, "b": 46})
+    for k, (quantity, parameters) in enumerate(groups.items()):
+        panel = _Panel(parameters, [rows.index(name) for name in parameters])
+        right = (k + 1) / len(groups) - 0.09
         suffix = str(k + 1) if k else ""
-        limits = _limits(list(parameters.values()))
-        figure.layout[f"xaxis{suffix}"] = {
-            "domain": [left, right],
+        figure.layout[f"xaxis{suffix}"] = panel.scale() | {
+            "domain": [k / len(groups), right],
             "anchor": f"y{suffix}",
-            "type": "log",
-            "range": [math.log10(limit) for limit in limits],
-            "tickvals": (decades := [10.0**n for n in range(-3, 4)]),
-            "ticktext": [f"× {decade:g}" for decade in decades],
             "title": {"text": f"{quantity.capitalize() or 'Parameter'}, relative to its fitted value"},
         }
         figure.layout[f"yaxis{suffix}"] = {
-            "domain": [0, 1],
             "anchor": f"x{suffix}",
             "matches": "y" if k else None,
             "tickvals": list(range(len(rows))),
@@ -96,117 +95,156 @@ def parameter_intervals(fit: Fit) -> go.Figure:
             "ticks": "",
             "tickfont": {"color": INK},
         }
-        axes = {"xaxis": f"x{suffix}", "yaxis": f"y{suffix}"}
-        figure.add_shape(type="line", x0=1, x1=1, y0=-0.6, y1=len(rows) - 0.4, layer="below",
-                         line={"color": "#b9c0c7", "width": 1}, xref=axes["xaxis"], yref=axes["yaxis"])  # fmt: skip
-        for trace in _panel_traces(parameters, rows, limits):
-            new = trace["name"] not in named and trace.get("showlegend", True)
-            named.update([trace["name"]] if new else [])
-            figure.add_scatter(**{**trace, "legendgroup": trace["name"], "showlegend": new} | axes)
-        for name, parameter in parameters.items():
-            figure.add_annotation(
-                text=format_spread(*parameter.interval),
-                x=right,
-                xref="paper",
-                y=rows.index(name),
-                yref=axes["yaxis"],
-                xanchor="left",
-                xshift=5,
-                showarrow=False,
-                font={"size": 11, "color": MUTED},
-            )
+        unity = {
+            "x0": 1,
+            "x1": 1,
+            "y0": -0.6,
+            "y1": len(rows) - 0.4,
+            "line": {"color": "#b9c0c7", "width": 1},
+        }
+        figure.add_shape(type="line", layer="below", xref=f"x{suffix}", yref=f"y{suffix}", **unity)
+        for trace in panel.traces():
+            figure.add_scatter(xaxis=f"x{suffix}", yaxis=f"y{suffix}", legendgroup=trace["name"], **trace)
+        for y, parameter in zip(panel.rows, parameters.values(), strict=True):
+            place = {
+                "x": right,
+                "xref": "paper",
+                "xanchor": "left",
+                "xshift": 5,
+                "y": y,
+                "yref": f"y{suffix}",
+            }
+            note = {"text": format_spread(*parameter.interval), "font": {"size": 11, "color": MUTED}}
+            figure.add_annotation(showarrow=False, **place, **note)
+    _name_once(figure)
     return figure
 
 
-def _panels(fit: Fit) -> tuple[dict[str, dict[str, FittedParameter]], list[str]]:
-    """Parameters by quantity and short name, and the names in the order of their rows; full paths if names clash."""
-    panels: dict[str, dict[str, FittedParameter]] = {}
+def _groups(fit: Fit) -> dict[str, dict[str, FittedParameter]]:
+    """Parameters by quantity and short name; all in one group by full path if short names clash."""
+    groups: dict[str, dict[str, FittedParameter]] = {}
     for parameter in fit.parameters:
         name, quantity = split_path(parameter.path)
-        panels.setdefault(quantity, {})[name] = parameter
-    if sum(map(len, panels.values())) < len(fit.parameters):
-        panels = {"": {parameter.path: parameter for parameter in fit.parameters}}
-    return panels, list(dict.fromkeys(name for panel in panels.values() for name in panel))
+        groups.setdefault(quantity, {})[name] = parameter
+    if sum(map(len, groups.values())) < len(fit.parameters):
+        return {"": {parameter.path: parameter for parameter in fit.parameters}}
+    return groups
 
 
-def _limits(parameters: Sequence[FittedParameter]) -> tuple[float, float]:
-    ends = [1 / 3, 3.0]
-    for parameter in parameters:
-        for end in (parameter.lower, parameter.upper, parameter.start, *parameter.interval):
-            ratio = end / parameter.value
-            if math.isfinite(ratio) and ratio > 0:
-                ends.append(min(max(ratio, 1 / FARTHEST), FARTHEST))
-    return min(ends) / 1.3, max(ends) * 1.3
+def _name_once(figure: go.Figure) -> None:
+    """Keep one entry in the legend of those that panels share."""
+    named: set[str] = set()
+    for trace in figure.data:
+        trace.showlegend = trace.showlegend is not False and trace.name not in named
+        named.update([trace.name] if trace.showlegend else [])
 
 
-def _panel_traces(
-    parameters: dict[str, FittedParameter], rows: list[str], limits: tuple[float, float]
-) -> list[dict[str, Any]]:
-    """Bounds, starts, then dots with intervals per verdict and arrows at the edges, as arguments of a scatter."""
-    low, high = limits
-    inside = (low * 1.04, high / 1.04)
-    span: dict[str, list[float]] = {"x": [], "y": []}
-    ticks: dict[str, list[float]] = {"x": [], "y": []}
-    for name, p in parameters.items():
-        y, ends = rows.index(name), (p.lower / p.value, p.upper / p.value)
-        span["x"] += [max(ends[0], low), min(ends[1], high), math.nan]
-        span["y"] += [y, y, math.nan]
-        for end in ends:
-            if low < end < high:
-                ticks["x"].append(end)
-                ticks["y"].append(y)
-    tick = {"symbol": "line-ns", "size": 9, "line": {"width": 1.4, "color": "#98a1aa"}}
-    traces: list[dict[str, Any]] = [
-        {**span, "name": "bounds", "mode": "lines", "line": {"color": "#dfe3e7", "width": 5}, "hoverinfo": "skip",
-         "showlegend": False},
-        {**ticks, "name": "bounds", "mode": "markers", "marker": tick, "hoverinfo": "skip"},
-        {
-            "x": [p.start / p.value for p in parameters.values()],
-            "y": [rows.index(name) for name in parameters],
-            "name": "start",
-            "mode": "markers",
-            "marker": {"symbol": "circle-open", "size": 8, "color": BEFORE, "line": {"width": 1.4}},
-            "customdata": [format_si(p.start, p.unit) for p in parameters.values()],
-            "hovertemplate": "start %{customdata}<extra></extra>",
-        },
-    ]  # fmt: skip
-    for verdict in VERDICTS:
-        chosen = {name: p for name, p in parameters.items() if p.verdict == verdict}
-        if not chosen:
-            continue
-        colour = VERDICT_COLOURS[verdict]
-        reach = [(p.interval[0] / p.value, p.interval[1] / p.value) for p in chosen.values()]
-        drawn = [(max(a, inside[0]), min(b, inside[1])) for a, b in reach]
-        ys = [rows.index(name) for name in chosen]
-        traces.append(
-            {
-                "x": [1.0] * len(chosen),
+class _Panel:
+    """Parameters of one quantity, one per row, as ratios to their fitted values."""
+
+    def __init__(self, parameters: dict[str, FittedParameter], rows: list[int]) -> None:
+        self.parameters, self.rows = list(parameters.values()), rows
+        self.bounds = [(p.lower / p.value, p.upper / p.value) for p in self.parameters]
+        self.starts = [p.start / p.value for p in self.parameters]
+        self.reach = [tuple(end / p.value for end in p.interval) for p in self.parameters]
+        ends = [*self.starts, *itertools.chain(*self.bounds, *self.reach)]
+        ends = [min(max(end, 1 / FARTHEST), FARTHEST) for end in ends if 0 < end < math.inf]
+        self.low, self.high = min([*ends, 1 / 3]) / 1.3, max([*ends, 3.0]) * 1.3
+
+    def scale(self) -> dict[str, Any]:
+        """Range and ticks of the axis of ratios."""
+        decades = [10.0**n for n in range(-3, 4)]
+        limits = [math.log10(self.low), math.log10(self.high)]
+        return {
+            "type": "log",
+            "range": limits,
+            "tickvals": decades,
+            "ticktext": [f"× {d:g}" for d in decades],
+        }
+
+    def traces(self) -> list[dict[str, Any]]:
+        """Scatters from bottom to top: bounds, dots with intervals by verdict, starts."""
+        return [
+            *self._bounds(),
+            *(trace for verdict in VERDICTS for trace in self._dots(verdict)),
+            self._start(),
+        ]
+
+    def _bounds(self) -> list[dict[str, Any]]:
+        xs, ys = [], []
+        for (lower, upper), y in zip(self.bounds, self.rows, strict=True):
+            xs += [max(lower, self.low), min(upper, self.high), math.nan]
+            ys += [y, y, math.nan]
+        ends = [(x, y) for pair, y in zip(self.bounds, self.rows, strict=True) for x in pair]
+        ends = [(x, y) for x, y in ends if self.low < x < self.high]
+        tick = {"symbol": "line-ns", "size": 9, "line": {"width": 1.4, "color": "#98a1aa"}}
+        common = {"name": "bounds", "legendrank": 999, "hoverinfo": "skip"}
+        return [
+            common
+            | {
+                "x": xs,
                 "y": ys,
-                "name": verdict,
-                "legendrank": 1001 + VERDICTS.index(verdict),
-                "mode": "markers",
-                "marker": {"symbol": VERDICT_MARKERS[verdict], "size": 8, "color": colour},
-                "error_x": {
-                    "array": [b - 1 for _, b in drawn],
-                    "arrayminus": [1 - a for a, _ in drawn],
-                    "symmetric": False,
-                    "color": colour,
-                    "thickness": 2.2,
-                    "width": 0,
-                },
-                "customdata": [
-                    [html.escape(p.path), format_si(p.value, p.unit), format_interval(*p.interval, (p.lower, p.upper))]
-                    for p in chosen.values()
-                ],
-                "hovertemplate": "%{customdata[0]}<br>%{customdata[1]}<br>95 %: %{customdata[2]}<extra></extra>",
-            }
-        )
-        for side, symbol, edge in ((0, "triangle-left", inside[0]), (1, "triangle-right", inside[1])):
-            beyond = [y for y, ends in zip(ys, reach, strict=True) if not inside[0] <= ends[side] <= inside[1]]
-            if beyond:
-                marker = {"symbol": symbol, "size": 9, "color": colour}
-                traces.append(
-                    {"x": [edge] * len(beyond), "y": beyond, "name": verdict, "mode": "markers", "marker": marker,
-                     "hoverinfo": "skip", "showlegend": False}
-                )  # fmt: skip
-    return traces
+                "mode": "lines",
+                "line": {"color": "#dfe3e7", "width": 5},
+                "showlegend": False,
+            },
+            common
+            | {"x": [x for x, _ in ends], "y": [y for _, y in ends], "mode": "markers", "marker": tick},
+        ]
+
+    def _dots(self, verdict: Verdict) -> Iterator[dict[str, Any]]:
+        chosen = [i for i, parameter in enumerate(self.parameters) if parameter.verdict == verdict]
+        if not chosen:
+            return
+        colour = VERDICT_COLOURS[verdict]
+        common = {"name": verdict, "mode": "markers"}
+        edge = (self.high / self.low) ** 0.012  # so that an arrow's head is all in view
+        first, last = self.low * edge, self.high / edge
+        closed = [(self.reach[i][0] >= first, self.reach[i][1] <= last) for i in chosen]
+        left = [self.reach[i][0] if ends[0] else first for i, ends in zip(chosen, closed, strict=True)]
+        right = [self.reach[i][1] if ends[1] else last for i, ends in zip(chosen, closed, strict=True)]
+        yield common | {
+            "x": [1.0] * len(chosen),
+            "y": [self.rows[i] for i in chosen],
+            "legendrank": 1001 + VERDICTS.index(verdict),
+            "marker": {"symbol": VERDICT_MARKERS[verdict], "size": 8, "color": colour},
+            "error_x": {
+                "array": [end - 1 for end in right],
+                "arrayminus": [1 - end for end in left],
+                "symmetric": False,
+                "color": colour,
+                "thickness": 2.2,
+                "width": 0,
+            },
+            "customdata": [_hover(self.parameters[i]) for i in chosen],
+            "hovertemplate": "%{customdata[0]}<br>%{customdata[1]}<br>95 %: %{customdata[2]}<extra></extra>",
+        }
+        for side, symbol, x in ((0, "triangle-left", first), (1, "triangle-right", last)):
+            ys = [self.rows[i] for i, ends in zip(chosen, closed, strict=True) if not ends[side]]
+            marker = {"symbol": symbol, "size": 9, "color": colour}
+            if ys:
+                yield common | {
+                    "x": [x] * len(ys),
+                    "y": ys,
+                    "marker": marker,
+                    "hoverinfo": "skip",
+                    "showlegend": False,
+                }
+
+    def _start(self) -> dict[str, Any]:
+        ring = {"symbol": "circle", "size": 7, "color": "white", "line": {"width": 1.5, "color": BEFORE}}
+        return {
+            "x": self.starts,
+            "y": self.rows,
+            "name": "start",
+            "legendrank": 1000,
+            "mode": "markers",
+            "marker": ring,
+            "customdata": [format_si(p.start, p.unit) for p in self.parameters],
+            "hovertemplate": "start %{customdata}<extra></extra>",
+        }
+
+
+def _hover(p: FittedParameter) -> list[str]:
+    interval = format_interval(*p.interval, bounds=(p.lower, p.upper))
+    return [html.escape(p.path), format_si(p.value, p.unit), interval]

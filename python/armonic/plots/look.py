@@ -8,18 +8,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import plotly.graph_objects as go
 
-from armonic.text import VERDICTS
+from armonic.text import VERDICTS, format_si
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 INK, MUTED, GRID = "#1a1e23", "#5c6670", "#e7eaed"
-BEFORE, AFTER = "#0072b2", "#d8401f"
+BEFORE, AFTER = "#0072b2", "#e4572e"
 VERDICT_COLOURS = dict(zip(VERDICTS, ("#00805e", "#c98a00", "#6b747d", "#a2478a"), strict=True))
 """Told apart with the common colour deficiencies; each verdict has its own marker as well."""
 VERDICT_MARKERS = dict(zip(VERDICTS, ("circle", "diamond", "x", "square"), strict=True))
 
-FONT_STACK = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'Liberation Sans', Arial, sans-serif"
+FONT_STACK = (
+    "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'Liberation Sans', Arial, sans-serif"
+)
 
 _AXIS = {
     "showline": True,
@@ -61,22 +63,29 @@ TEMPLATE = go.layout.Template(
 """The look of every figure: white, thin grid, quiet type."""
 
 
-
 DECADES = 6
 """What lies further than this below the largest value is out of view until one zooms out."""
 
 
 def log_axis(values: NDArray[np.float64], *, least: float = 0.0) -> dict[str, Any]:
-    """Type, range and ticks of a logarithmic axis for these values, of which those not above zero are left out.
+    """Type, range and ticks of a logarithmic axis for these values; those not above zero are left out.
 
     Args:
         values: what the axis should show, any shape.
         least: decades that the axis spans at least.
+
     """
     shown = np.log10(values[(values > 0) & np.isfinite(values)])
     high = float(shown.max()) if shown.size else 0.5
     low = max(float(shown.min()), high - DECADES) if shown.size else -0.5
     margin = max(0.06 * (high - low) + 0.05, 0.5 * (least - high + low))
     low, high = low - margin, high + margin
-    step = max(1, math.ceil((high - low) / 5)) if high - low > 1.3 else "D2"
-    return {"type": "log", "range": [low, high], "dtick": step, "exponentformat": "power"}
+    axis = {"type": "log", "range": [low, high]}
+    if high - low < 1.3:
+        ticks = [
+            figure * 10.0**n for n in range(math.floor(low), math.ceil(high) + 1) for figure in (1, 2, 5)
+        ]
+        return axis | {"tickvals": ticks, "ticktext": [format_si(tick, digits=1) for tick in ticks]}
+    # Powers of ten are drawn a quarter larger than the size given.
+    power = {"exponentformat": "power", "tickfont": {"size": 9, "color": MUTED}}
+    return axis | power | {"dtick": max(1, math.ceil((high - low) / 5))}

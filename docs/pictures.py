@@ -1,0 +1,83 @@
+"""Make the picture of the README: `python docs/pictures.py` fits the KUKA example and photographs the result.
+
+It needs Chromium or Google Chrome on the path, and nothing from the network.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import plotly.graph_objects as go
+
+import armonic as am
+from armonic import examples, plots
+
+WIDTH, SCALE = 1200, 1.5
+FONTS = "'Helvetica Neue', 'Liberation Sans', Arial, sans-serif"
+TARGET = Path(__file__).parent / "pictures" / "kuka_fit.png"
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+QUIET = (
+    "--headless",
+    "--hide-scrollbars",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+
+
+def main() -> None:
+    figures = kuka_fit()
+    TARGET.parent.mkdir(exist_ok=True)
+    photograph(figures, TARGET)
+    print(f"wrote {TARGET}")
+
+
+def kuka_fit() -> list[go.Figure]:
+    """Measured, start and fitted responses, and how well each parameter is determined."""
+    folder = Path(examples.__file__).parent
+    robot = am.load(folder / examples.START)
+    measured = am.read_frf(folder / examples.MEASURED)
+    fit = am.update(robot, am.Measurement(measured, posture="milling", frame="sensor"))
+    frfs = {"measured": measured, "before": fit.frf_before[0], "after": fit.frf_after[0]}
+    return [plots.frf_matrix(frfs, cell_height=196), plots.parameter_intervals(fit)]
+
+
+def photograph(figures: list[go.Figure], target: Path) -> None:
+    """Render figures below each other to a PNG."""
+    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if browser is None:
+        sys.exit(f"docs/pictures.py: no browser on the path; install one of {', '.join(BROWSERS)}.")
+    height = sum(figure.layout.height for figure in figures) + 16
+    parts: list[str] = []
+    for figure in figures:
+        figure.update_layout(width=WIDTH - 32, font={"family": FONTS, "size": 13})
+        script = not parts
+        parts.append(figure.to_html(full_html=False, include_plotlyjs=script, config={"staticPlot": True}))
+    with tempfile.TemporaryDirectory() as folder:
+        page, shot = Path(folder) / "page.html", Path(folder) / "shot.png"
+        page.write_text(f'<body style="margin: 8px 16px; background: white">{"".join(parts)}</body>', "utf-8")
+        options = [*QUIET, f"--user-data-dir={folder}/profile", f"--window-size={WIDTH},{height}"]
+        options += [
+            f"--force-device-scale-factor={SCALE}",
+            "--virtual-time-budget=8000",
+            f"--screenshot={shot}",
+        ]
+        if hasattr(os, "geteuid") and os.geteuid() == 0:
+            options.append("--no-sandbox")  # Chromium refuses to sandbox root
+        command = [browser, *options, page.as_uri()]
+        run = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+        if not shot.exists():
+            sys.exit(f"docs/pictures.py: {browser} took no picture.\n{run.stderr[-2000:]}")
+        shutil.copyfile(shot, target)
+
+
+if __name__ == "__main__":
+    main()

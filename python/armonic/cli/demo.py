@@ -1,0 +1,81 @@
+"""`armonic demo`: the fit of the KUKA KR90 from a measured file, as a user would run it."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from armonic.cli.arguments import JsonFlag, UsageError
+from armonic.cli.outputs import write_results
+from armonic.cli.terminal import heading, line, print_json, show
+
+ROBOT = "updated.yaml"
+REPORT = "report.html"
+
+
+def demo(
+    into: Annotated[Path, typer.Option("--into", metavar="DIR", help="The folder for the files.")] = Path(
+        "demo"
+    ),
+    as_json: JsonFlag = False,
+) -> int:
+    """Fit a KUKA KR90 to an example measurement.
+
+    The robot is that of Huynh et al. 2021. The example, the updated robot and a report go into a folder;
+    files of an earlier demo are overwritten.
+    """
+    from armonic import examples
+    from armonic.cli.fitting import ended, run
+    from armonic.document import write_text
+    from armonic.files import read_frf
+    from armonic.robot import load
+    from armonic.updating import Measurement
+
+    if into.exists() and not into.is_dir():
+        raise UsageError(f"--into {into}", found="a file", expected="a folder, or the name of a new one")
+    into.mkdir(parents=True, exist_ok=True)
+    for name in (examples.MEASURED, examples.START, examples.TRUE):
+        write_text(into / name, examples.read(name).decode())
+    true, measured = load(into / examples.TRUE), read_frf(into / examples.MEASURED)
+    measurement = Measurement(measured, posture="milling", frame="sensor", label=examples.MEASURED)
+    fit = run(load(into / examples.START), [measurement])
+    write_results(fit, into / ROBOT, into / REPORT)
+    if as_json:
+        from armonic.cli.results import fit_data
+
+        data = fit_data(fit, fit.postures)
+        for entry in data["parameters"]:
+            entry["true"] = true.parameters(entry["path"])[entry["path"]]
+        written = {"robot": str(into / ROBOT), "report": str(into / REPORT)}
+        print_json({**data, "written": written})
+        return ended(fit)
+
+    from armonic.cli.results import fit_tables
+
+    show(
+        heading("KUKA KR90 R3100 HA, first three axes: 18 parameters from 9 measured FRFs"),
+        "The measurement was synthesized from the true values, with 1 % noise.",
+        "",
+        *fit_tables(fit, fit.postures, true.parameters()),
+        "",
+    )
+    _explain(into)
+    return ended(fit)
+
+
+def _explain(into: Path) -> None:
+    from armonic import examples
+
+    start, measured, robot, report = (
+        shlex.quote(str(into / name)) for name in (examples.START, examples.MEASURED, ROBOT, REPORT)
+    )
+    line(f"Wrote {into / ROBOT} and {into / REPORT}: open the report in a browser.")
+    show("", heading("The same by hand, and what to try next"))
+    line(f"  armonic check {start}")
+    line(f"  armonic update {start} {measured} \\")
+    line(f"      -o {robot} --report {report} --force")
+    line(f"  armonic modes {robot}")
+    line(f"  armonic frf {robot} -o {shlex.quote(str(into / 'updated.uff'))}")

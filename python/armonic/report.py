@@ -1,0 +1,271 @@
+"""The report of a fit: one HTML file that holds everything it shows and opens offline."""
+
+from __future__ import annotations
+
+import platform
+from datetime import datetime
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import scipy
+from jinja2 import Environment, StrictUndefined
+from markupsafe import Markup
+from plotly.offline import get_plotlyjs
+from scipy.optimize import linear_sum_assignment
+
+import armonic
+from armonic import plots, text
+from armonic.document import write_text
+from armonic.modal import mac
+from armonic.updating.uncertainty import IDENTIFIED_FACTOR, WEAK_FACTOR
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    import plotly.graph_objects as go
+    from numpy.typing import NDArray
+
+    from armonic.modal import Modes
+    from armonic.response import Frf
+    from armonic.updating import Fit, FittedParameter, Measurement
+
+REFERENCES = (
+    (
+        "H. N. Huynh, H. Assadi, V. Dambly, E. Rivière-Lorphèvre, O. Verlinden: Direct method for updating"
+        " flexible multibody systems applied to a milling robot. Robotics and Computer-Integrated"
+        " Manufacturing, 2021.",
+        "The frequency responses (Eqs. 21 to 28), the cost of the fit (Eq. 22), damped frequencies (Eq. 20).",
+    ),
+    (
+        "T.-T. Do, V.-H. Vu, Z. Liu: Linearization of dynamic equations for vibration and modal analysis of"
+        " flexible joint manipulators. Mechanism and Machine Theory, 2022.",
+        "The linear model (Eq. 12), natural frequencies (Eq. 16), the stability verdict (section 3.2).",
+    ),
+    (
+        "R. J. Allemang, D. L. Brown: A correlation coefficient for modal vector analysis. Proceedings of the"
+        " 1st International Modal Analysis Conference, 1982.",
+        "The modal assurance criterion (MAC).",
+    ),
+    (
+        "M. A. Branch, T. F. Coleman, Y. Li: A subspace, interior, and conjugate gradient method for"
+        " large-scale bound-constrained minimization problems. SIAM Journal on Scientific Computing, 1999.",
+        "The bounded trust-region solver, as implemented in SciPy.",
+    ),
+)
+"""What a fit rests on, and for what."""
+
+WIDTH = 1080
+"""Of the page and its figures, in pixels: the same on a screen and on paper."""
+
+_PLOT_CONFIG = {
+    "displaylogo": False,
+    "modeBarButtons": [["toImage", "resetScale2d"]],
+    "toImageButtonOptions": {"format": "svg"},
+}
+
+
+def write_report(fit: Fit, path: str | Path, *, title: str | None = None) -> Path:
+    """Write the report of a fit: responses, cost, parameters, modes, and what they rest on.
+
+    Args:
+        fit: what `armonic.update` returned.
+        path: the HTML file to write; it is replaced whole or not at all.
+        title: the heading; by default "Model update" and the robot's name.
+
+    Returns:
+        The path.
+
+    Raises:
+        DataFileError: the file cannot be written.
+
+    """
+    target = Path(path)
+    page = render(fit, title=title)
+    write_text(target, page.encode("utf-8", "replace").decode("utf-8"))  # a label may hold half a character
+    return target
+
+
+def render(fit: Fit, *, title: str | None = None) -> str:
+    """The report as a text of HTML; `write_report` writes it to a file."""
+    source = resources.files("armonic").joinpath("report.html.j2").read_text("utf-8")
+    # Names come from the user's files: everything is escaped but what _embedder made.
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    embed = _embedder()
+    return environment.from_string(source).render(
+        title=title or f"Model update: {fit.robot.name}",
+        robot=fit.robot,
+        file=fit.start.path.name if fit.start.path else None,
+        summary=text.summary(fit),
+        status=fit.status,
+        tiles=_tiles(fit),
+        counts={verdict: number for verdict, number in text.verdict_counts(fit).items() if number},
+        measurements=[_measurement(fit, k, embed) for k in range(len(fit.measurements))],
+        cost_figure=embed(plots.cost_history(fit)),
+        parameters=[_parameter_row(parameter) for parameter in fit.parameters],
+        interval_figure=embed(plots.parameter_intervals(fit)),
+        identified=f"{100 * (IDENTIFIED_FACTOR - 1):g} %",
+        weak=f"{WEAK_FACTOR:g}",
+        noise=text.format_percent(fit.noise, digits=2),
+        postures=[_posture(fit, k, embed) for k in range(len(fit.postures))],
+        references=REFERENCES,
+        message=fit.message,
+        made=datetime.now().astimezone(),
+        versions=", ".join(
+            f"{name} {version}"
+            for name, version in (
+                ("Armonic", armonic.__version__),
+                ("Python", platform.python_version()),
+                ("NumPy", np.__version__),
+                ("SciPy", scipy.__version__),
+            )
+        ),
+        colours=plots.VERDICT_COLOURS,
+        fonts=Markup(plots.FONT_STACK),
+        plotly_js=Markup(get_plotlyjs()),
+    )
+
+
+def _embedder() -> Callable[[go.Figure], Markup]:
+    """A function from a figure to its HTML, with ids counted up, so that two reports of one fit are alike."""
+    number = 0
+
+    def embed(figure: go.Figure) -> Markup:
+        nonlocal number
+        number += 1
+        if figure.layout.width is None:
+            figure.update_layout(width=WIDTH)
+        return Markup(
+            figure.to_html(
+                full_html=False, include_plotlyjs=False, div_id=f"figure-{number}", config=_PLOT_CONFIG
+            )
+        )
+
+    return embed
+
+
+def _tiles(fit: Fit) -> list[tuple[str, str, str]]:
+    """The figures to read first: name, value, and what it was before or rests on."""
+    measured = [m.frf for m in fit.measurements]
+    after, before = (_deviation(measured, side) for side in (fit.frf_after, fit.frf_before))
+    good = text.verdict_counts(fit)["identified"]
+    effort = f"{text.count(fit.evaluations, 'evaluation')} in {text.format_duration(fit.duration_s)}"
+    return [
+        ("Cost", text.format_si(fit.cost), f"{text.format_si(fit.start_cost)} before"),
+        (
+            "Median deviation, magnitude",
+            text.format_percent(after[0]),
+            f"{text.format_percent(before[0])} before",
+        ),
+        ("Median deviation, phase", _degrees(after[1]), f"{_degrees(before[1])} before"),
+        ("Parameters identified", f"{good} of {len(fit.parameters)}", effort),
+    ]
+
+
+def _degrees(angle: float) -> str:
+    return f"{text.format_si(angle, digits=3)}°"
+
+
+def _deviation(measured: Sequence[Frf], model: Sequence[Frf]) -> tuple[float, float]:
+    """Medians over all values: relative difference in magnitude, difference in phase in degrees."""
+    ratios = []
+    for one, other in zip(measured, model, strict=True):
+        usable = (one.values != 0) & (other.values != 0)
+        with np.errstate(over="ignore"):
+            ratios.append(other.values[usable] / one.values[usable])
+    ratio = np.concatenate(ratios)
+    if not ratio.size:
+        return np.nan, np.nan
+    return float(np.median(np.abs(np.abs(ratio) - 1))), float(np.median(np.abs(np.degrees(np.angle(ratio)))))
+
+
+def _measurement(fit: Fit, k: int, embed: Callable[[go.Figure], Markup]) -> dict[str, Any]:
+    m, before, after = fit.measurements[k], fit.frf_before[k], fit.frf_after[k]
+    f = m.frf.freq_hz
+    band = f"{text.format_si(f[0], digits=3)} to {text.format_si(f[-1], digits=3)} Hz"
+    new, old = _deviation([m.frf], [after]), _deviation([m.frf], [before])
+    return {
+        "label": m.label,
+        "facts": (
+            f"{m.frf.kind.capitalize()} at frame {m.frame}, posture {_posture_text(m)}; "
+            f"{text.count(f.size, 'line')} from {band}"
+        ),
+        "deviation": (
+            f"Median deviation from the measurement: {text.format_percent(new[0])} in magnitude and "
+            f"{_degrees(new[1])} in phase (before: {text.format_percent(old[0])} and {_degrees(old[1])})."
+        ),
+        "figure": embed(plots.frf_matrix({"measured": m.frf, "before": before, "after": after})),
+    }
+
+
+def _posture_text(measurement: Measurement) -> str:
+    posture: Any = measurement.posture
+    if isinstance(posture, str):
+        return posture
+    if hasattr(posture, "items"):
+        return ", ".join(f"{name} = {value}" for name, value in posture.items())
+    return f"[{', '.join(str(value) for value in np.asarray(posture).tolist())}]"
+
+
+def _parameter_row(p: FittedParameter) -> dict[str, str]:
+    return {
+        "path": p.path,
+        "unit": p.unit.replace(" ", "·"),
+        "start": text.format_si(p.start),
+        "value": text.format_si(p.value),
+        "interval": text.format_interval(*p.interval, bounds=(p.lower, p.upper)),
+        "bounds": text.format_interval(p.lower, p.upper),
+        "verdict": p.verdict,
+    }
+
+
+def _posture(fit: Fit, k: int, embed: Callable[[go.Figure], Markup]) -> dict[str, Any]:
+    before, after, cross = fit.before[k], fit.after[k], fit.mac[k]
+    old, new = _frequencies(before), _frequencies(after)
+    partner = dict(zip(*(index.tolist() for index in linear_sum_assignment(-cross.T)), strict=True))
+    rows = [
+        {
+            "mac": f"{cross[partner[j], j]:.2f}" if j in partner else "–",
+            "before": _mode(before, partner[j]) if j in partner else None,
+            "after": _mode(after, j),
+        }
+        for j in range(len(after))
+    ]
+    lost = sorted(set(range(len(before))) - set(partner.values()))
+    rows += [{"mac": "–", "before": _mode(before, i), "after": None} for i in lost]
+    return {
+        "name": fit.postures[k],
+        "rows": rows,
+        "stability": {"before": before.stability, "after": after.stability},
+        "figures": [
+            ("after against before", embed(plots.mac_matrix(cross, old, new, **_titles("before")))),
+            (
+                "after against itself",
+                embed(plots.mac_matrix(mac(after, after), new, new, **_titles("after"))),
+            ),
+        ],
+    }
+
+
+def _titles(rows: str) -> dict[str, str]:
+    return {"row_title": rows, "column_title": "after"}
+
+
+def _frequencies(modes: Modes) -> list[str]:
+    frequencies: NDArray[np.float64] = modes.natural_freq_hz
+    return [f"{f:.1f} Hz" if f >= 1 else text.format_si(float(f), "Hz", digits=2) for f in frequencies]
+
+
+def _mode(modes: Modes, i: int) -> dict[str, str]:
+    movers = [
+        f"{name} {100 * share:.0f} %".replace(" ", "\N{NO-BREAK SPACE}") for name, share in modes.movers(i)
+    ]
+    return {
+        "natural": text.format_hz(float(modes.natural_freq_hz[i])),
+        "damped": text.format_hz(float(modes.damped_freq_hz[i])) if modes.oscillatory[i] else "real pole",
+        "damping": text.format_si(100 * float(modes.damping_ratio[i]), digits=3),
+        "movers": ", ".join(movers) or "–",
+    }
