@@ -32,17 +32,13 @@ def make(folder: Path) -> None:
     H = am.frf(am.load("kuka_kr90"), "milling", freq_hz, frame="sensor")
     real, imaginary = np.random.default_rng(SEED).standard_normal((2, *H.values.shape))
     noisy = H.values * (1 + NOISE * (real + 1j * imaginary))
-    rounded = [
-        np.array([float(f"{x:.{DIGITS - 1}e}") for x in part.flat]) for part in (noisy.real, noisy.imag)
-    ]
+    rounded = [np.array([float(f"{x:.{DIGITS - 1}e}") for x in part.flat]) for part in (noisy.real, noisy.imag)]
     values = (rounded[0] + 1j * rounded[1]).reshape(noisy.shape)
 
     path = folder / examples.MEASURED
     write_uff(path, replace(H, values=values), name="KUKA KR90 with 1 % noise")
     # The writer notes when it wrote; here that would only be a difference.
-    path.write_bytes(
-        re.sub(rb"\d\d-[A-Z][a-z]{2}-\d\d \d\d:\d\d:\d\d", b"01-Jan-21 00:00:00", path.read_bytes())
-    )
+    path.write_bytes(re.sub(rb"\d\d-[A-Z][a-z]{2}-\d\d \d\d:\d\d:\d\d", b"01-Jan-21 00:00:00", path.read_bytes()))
     (folder / examples.TRUE).write_bytes(catalog.read("kuka_kr90").encode())
 
 

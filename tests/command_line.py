@@ -12,9 +12,7 @@ from typing import Any, Protocol
 
 WIDTH = 80
 EXAMPLES = Path(__file__).parents[1] / "python" / "armonic" / "examples"
-MEASURED, START, TRUE = (
-    str(EXAMPLES / name) for name in ("kuka_milling.uff", "kuka_start.yaml", "kuka_true.yaml")
-)
+MEASURED, START, TRUE = (str(EXAMPLES / name) for name in ("kuka_milling.uff", "kuka_start.yaml", "kuka_true.yaml"))
 
 
 @dataclass(frozen=True)

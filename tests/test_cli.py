@@ -43,9 +43,7 @@ def test_modes_prints_the_published_frequencies_and_what_moves(armonic: Armonic)
     damped, damping = ([float(row[k]) for row in rows] for k in (2, 3))
     # Half a unit of the last printed digit on either side.
     np.testing.assert_allclose(damped, KUKA_KR90.all_damped_freq_hz_earlier_work, atol=0.0101)
-    np.testing.assert_allclose(
-        damping[:4], 100 * np.array(KUKA_KR90.modes_earlier_work.damping_ratio), atol=0.0101
-    )
+    np.testing.assert_allclose(damping[:4], 100 * np.array(KUKA_KR90.modes_earlier_work.damping_ratio), atol=0.0101)
     assert "arm.z 90 %" in run.words
     assert "Asymptotically stable" in run.words
 
@@ -107,13 +105,9 @@ def test_the_highest_peak_that_frf_prints_lies_at_a_published_mode(armonic: Armo
     assert np.shape(data["re"]) == np.shape(data["im"]) == (2991, 3, 3)
 
 
-def test_update_recovers_the_true_values_and_writes_robot_and_report(
-    armonic: Armonic, tmp_path: Path
-) -> None:
+def test_update_recovers_the_true_values_and_writes_robot_and_report(armonic: Armonic, tmp_path: Path) -> None:
     robot, report = tmp_path / "new.yaml", tmp_path / "r.html"
-    data = armonic(
-        "update", TRUE, MEASURED, "-o", robot, "--report", report, "--parameters", PATTERN, "--json"
-    ).json
+    data = armonic("update", TRUE, MEASURED, "-o", robot, "--report", report, "--parameters", PATTERN, "--json").json
     assert data["status"] == "converged"
     assert data["written"] == {"robot": str(robot), "report": str(report)}
     stiffness, damping = data["parameters"]
@@ -122,9 +116,7 @@ def test_update_recovers_the_true_values_and_writes_robot_and_report(
         # Twice a 95 % interval holds the true value with a probability of 99.99 %.
         assert abs(np.log(parameter["value"] / true)) < np.log(high / low)
         assert parameter["verdict"] == "identified"
-    assert am.load(robot).parameters(PATTERN) == pytest.approx(
-        {p["path"]: p["value"] for p in data["parameters"]}
-    )
+    assert am.load(robot).parameters(PATTERN) == pytest.approx({p["path"]: p["value"] for p in data["parameters"]})
     assert report.read_text("utf-8").lstrip().lower().startswith("<!doctype html>")
     assert files(tmp_path) == ["new.yaml", "r.html"]
 
@@ -143,9 +135,7 @@ def test_update_takes_several_files_each_with_its_posture_and_the_options_of_rea
     assert [p["bounds"] for p in data["parameters"]] == [[1, 1e9]] * 2
 
 
-def test_update_without_options_takes_frame_and_posture_from_file_and_robot(
-    armonic: Armonic, tmp_path: Path
-) -> None:
+def test_update_without_options_takes_frame_and_posture_from_file_and_robot(armonic: Armonic, tmp_path: Path) -> None:
     run = armonic("update", TRUE, MEASURED, "-o", tmp_path / "new.yaml", "--parameters", PATTERN)
     assert (run.code, run.err) == (0, "")
     assert "The fit converged." in run.words
@@ -211,9 +201,7 @@ def test_demo_fits_the_kuka_and_says_how_to_do_it_by_hand(armonic: Armonic, tmp_
     assert "armonic update" in run.words
     modes = am.modes(am.load(into / demo.ROBOT), "milling")
     # 1 % of noise; the fit of the paper to its own synthesized data comes within 0.1 Hz.
-    np.testing.assert_allclose(
-        modes.damped_freq_hz[:4], KUKA_KR90.modes_earlier_work.damped_freq_hz, atol=0.03
-    )
+    np.testing.assert_allclose(modes.damped_freq_hz[:4], KUKA_KR90.modes_earlier_work.damped_freq_hz, atol=0.03)
 
 
 def test_demo_as_json_gives_each_parameter_its_true_value(armonic: Armonic, tmp_path: Path) -> None:
@@ -282,9 +270,7 @@ def test_help_fits_80_columns_and_says_how_to_go_on(armonic: Armonic, words: tup
     assert max(map(len, run.out.splitlines())) <= WIDTH
 
 
-def test_every_table_fits_80_columns(
-    armonic: Armonic, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_every_table_fits_80_columns(armonic: Armonic, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)  # lines with paths are never broken, and those of the test are long
     outputs = [
         armonic("modes", "kuka_kr90"),
@@ -325,8 +311,6 @@ def test_python_m_armonic_is_the_command() -> None:
     ],
 )
 def test_nothing_heavy_is_imported_before_it_is_needed(statement: str, barred: str) -> None:
-    code = (
-        f"import sys; {statement}; print([n for n in {barred.split()} if n in sys.modules], file=sys.stderr)"
-    )
+    code = f"import sys; {statement}; print([n for n in {barred.split()} if n in sys.modules], file=sys.stderr)"
     done = process(code=code)
     assert (done.returncode, done.stderr) == (0, "[]\n")

@@ -131,9 +131,7 @@ def test_frf_refuses(armonic: Armonic, tmp_path: Path, words: tuple[str, ...], s
         (("demo", "--into", f"{MEASURED}/demo"), "Not a directory"),
     ],
 )
-def test_update_check_and_demo_refuse(
-    armonic: Armonic, tmp_path: Path, words: tuple[str, ...], said: str
-) -> None:
+def test_update_check_and_demo_refuse(armonic: Armonic, tmp_path: Path, words: tuple[str, ...], said: str) -> None:
     run = armonic(*words)
     assert said in run.error
     assert run.out == ""
@@ -152,9 +150,7 @@ def test_update_check_and_demo_refuse(
     ],
     ids=["empty", "truncated", "NaN", "zero", "frame"],
 )  # fmt: skip
-def test_a_damaged_measurement_is_refused_and_named(
-    armonic: Armonic, tmp_path: Path, content: str, said: str
-) -> None:
+def test_a_damaged_measurement_is_refused_and_named(armonic: Armonic, tmp_path: Path, content: str, said: str) -> None:
     (tmp_path / "bad.uff").write_text(content, "utf-8")
     error = armonic("update", TRUE, "bad.uff", "-o", "new.yaml", "--report", "r.html").error
     assert "bad.uff" in error
@@ -177,9 +173,7 @@ def test_existing_outputs_stay_as_they_are_without_force(armonic: Armonic, tmp_p
     assert files(tmp_path) == ["f.uff", "new.yaml", "r.html"]
 
 
-def test_a_posture_and_a_frame_must_be_chosen_where_there_are_several(
-    armonic: Armonic, tmp_path: Path
-) -> None:
+def test_a_posture_and_a_frame_must_be_chosen_where_there_are_several(armonic: Armonic, tmp_path: Path) -> None:
     text = Path(START).read_text("utf-8")
     (tmp_path / "two.yaml").write_text(
         text.replace("postures:", "  - {name: tip, link: arm}\npostures:\n  home: [0, 0, 0]"), "utf-8"
@@ -191,9 +185,7 @@ def test_a_posture_and_a_frame_must_be_chosen_where_there_are_several(
     assert "one of base, carousel" in armonic("frf", "none.yaml", "--posture", "0,0,0").error
 
 
-def test_options_that_only_universal_files_have_are_refused_with_csv(
-    armonic: Armonic, tmp_path: Path
-) -> None:
+def test_options_that_only_universal_files_have_are_refused_with_csv(armonic: Armonic, tmp_path: Path) -> None:
     assert armonic("frf", TRUE, "-o", "m.csv").code == 0
     assert "--scale" in armonic("update", TRUE, "m.csv", "-o", "new.yaml", "--scale", "2").error
     assert files(tmp_path) == ["m.csv"]

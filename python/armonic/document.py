@@ -144,9 +144,7 @@ def read_text(path: Path) -> str:
         with path.open("rb") as file:
             content = file.read(MAX_BYTES + 1)
     except OSError as error:
-        raise RobotFileError(
-            origin, found=error.strerror or str(error), expected="a readable file"
-        ) from error
+        raise RobotFileError(origin, found=error.strerror or str(error), expected="a readable file") from error
     if len(content) > MAX_BYTES:
         raise _too_large(origin)
     try:
@@ -181,9 +179,7 @@ def write_text(path: Path, text: str) -> None:
         with contextlib.suppress(OSError):
             draft.unlink()
         found = f"a place that cannot be written ({error.strerror or error})"
-        raise DataFileError(
-            str(path), found=found, expected="a folder that exists and a writable file"
-        ) from error
+        raise DataFileError(str(path), found=found, expected="a folder that exists and a writable file") from error
 
 
 class _Reader:
@@ -303,9 +299,7 @@ class _Reader:
             raise self.refusal(key.line, f"{found} as a key", "a key that is a text", hint)
         if key.data in parent.keys:
             first = parent.keys[key.data].line
-            raise self.refusal(
-                key.line, f"the key {shown(key.data)} again", f"it once (first on line {first})"
-            )
+            raise self.refusal(key.line, f"the key {shown(key.data)} again", f"it once (first on line {first})")
         self.pending_key[-1] = key
 
     def syntax_refusal(self, error: MarkedYAMLError) -> RobotFileError:

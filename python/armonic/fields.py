@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from typing import Annotated, Final
 
 import numpy as np
@@ -29,13 +30,18 @@ class FieldError(RobotFileError):
     """An error inside a validator; `at` leads from the validated value to the fault.
 
     With `at_key` the fault is the key there, not its value; with `is_missing` it is what a mapping lacks.
+    `suggest` makes the hint, which is slow among many names and wanted for one error only.
     """
+
+    at_key = False
+    is_missing = False
+    suggest: Callable[[], str | None] | None = None
 
     def __init__(self, found: object, expected: str, hint: str | None = None, at: Location = ()) -> None:
         super().__init__(
             "here", found=found if isinstance(found, Found) else shown(found), expected=expected, hint=hint
         )
-        self.at, self.at_key, self.is_missing = at, False, False
+        self.at = at
 
 
 class Found(str):
@@ -106,9 +112,7 @@ def _axis(value: object) -> str | Vector3:
     return x / length, y / length, z / length
 
 
-def matrix6(
-    translation: Dimension, rotation: Dimension, coupling: Dimension, *, nonzero: bool
-) -> PlainValidator:
+def matrix6(translation: Dimension, rotation: Dimension, coupling: Dimension, *, nonzero: bool) -> PlainValidator:
     """Validates a 6x6 spring or damper: six diagonal entries, or a symmetric positive semidefinite matrix."""
 
     def dimension(i: int, j: int) -> Dimension:
@@ -116,9 +120,7 @@ def matrix6(
 
     def read(value: object) -> Matrix6:
         if not isinstance(value, list | tuple) or len(value) != 6:
-            raise FieldError(
-                value, f"a list of six numbers ({', '.join(DIRECTIONS)}) or a 6x6 symmetric list"
-            )
+            raise FieldError(value, f"a list of six numbers ({', '.join(DIRECTIONS)}) or a 6x6 symmetric list")
         matrix = np.zeros((6, 6))
         if any(isinstance(row, list | tuple) for row in value):
             for i, row in enumerate(value):

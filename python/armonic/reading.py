@@ -31,9 +31,7 @@ def read_description(document: Document) -> RobotDescription:
     try:
         description = RobotDescription.model_validate(document.data)
     except ValidationError as error:
-        raise _first(
-            document, [_field_error(details) for details in error.errors(include_url=False)]
-        ) from None
+        raise _first(document, [_field_error(details) for details in error.errors(include_url=False)]) from None
     errors = list(_tree_errors(description))
     if not errors:
         postures: dict[str, tuple[float, ...]] = {}
@@ -85,7 +83,8 @@ def joint_values(values: object, moving: Sequence[Link]) -> tuple[float, ...]:
     """
     if not isinstance(values, list | tuple) or len(values) != len(moving):
         names = listed([f"{link.name}.{link.joint.own}" for link in moving[:13]])
-        raise FieldError(values, f"a list of {len(moving)}: {names}")
+        expected = f"a list of {len(moving)}: {names}" if moving else "an empty list, for no joint moves"
+        raise FieldError(values, expected)
     return tuple(
         measured(value, "angle" if link.joint.type == "revolute" else "length", (i,))
         for i, (value, link) in enumerate(zip(values, moving, strict=True))
@@ -108,9 +107,7 @@ def _tree_errors(description: RobotDescription) -> Iterator[FieldError]:
         return
     for i, link in enumerate(description.links):
         if link.parent != "base" and link.parent not in parents:
-            yield _unknown(
-                link.parent, "the name of a link, or base", ["base", *parents], ("links", i, "parent")
-            )
+            yield _unknown(link.parent, "the name of a link, or base", ["base", *parents], ("links", i, "parent"))
     ends = {"base"}
     for i, link in enumerate(description.links):
         chain: dict[str, None] = {}
@@ -136,9 +133,7 @@ def _frame_errors(description: RobotDescription) -> Iterator[FieldError]:
             yield _unknown(frame.link, "the name of a link, or base", links, ("frames", i, "link"))
 
 
-def _posture_errors(
-    description: RobotDescription, read: dict[str, tuple[float, ...]]
-) -> Iterator[FieldError]:
+def _posture_errors(description: RobotDescription, read: dict[str, tuple[float, ...]]) -> Iterator[FieldError]:
     moving = moving_links(description)
     for name, values in description.postures.items():
         try:
@@ -159,13 +154,13 @@ def _bushing_errors(description: RobotDescription) -> Iterator[FieldError]:
         taken.add(bushing.name)
         for j, frame in enumerate(bushing.between):
             if frame not in frames:
-                yield _unknown(
-                    frame, "the name of a frame or link, or base", frames, ("bushings", i, "between", j)
-                )
-        at: Location = ("bushings", i, "rest")
+                at: Location = ("bushings", i, "between", j)
+                yield _unknown(frame, "the name of a frame or link, or base", frames, at)
+        at = ("bushings", i, "rest")
         if isinstance(bushing.rest, str):
             if bushing.rest not in description.postures:
-                yield _unknown(bushing.rest, "the name of a posture", description.postures, at)
+                postures = description.postures or ["no posture in this file"]
+                yield _unknown(bushing.rest, "the name of a posture", postures, at)
         elif bushing.rest is not None:
             try:
                 joint_values(bushing.rest, moving)
@@ -179,9 +174,9 @@ def _repeated(name: str, what: str, at: Location) -> FieldError:
 
 
 def _unknown(name: str, expected: str, known: Iterable[str], at: Location) -> FieldError:
-    known = list(known)
-    hint = did_you_mean(name, known) or (f"There is {listed(known)}." if known else None)
-    return FieldError(name, expected, hint, at)
+    error = FieldError(name, expected, at=at)
+    error.suggest = lambda: did_you_mean(name, known) or f"There is {listed(list(known))}."
+    return error
 
 
 def listed(names: Sequence[str], separator: str = ", ") -> str:
@@ -198,7 +193,7 @@ def _first(document: Document, errors: list[FieldError]) -> RobotFileError:
         return node.end if error.is_missing else node.start
 
     first = min(errors, key=place)
-    hint = first.hint
+    hint = first.suggest() if first.suggest else first.hint
     if len(errors) > 1:
         hint = f"{hint} " if hint else ""
         hint += f"There {'is 1 more error' if len(errors) == 2 else f'are {len(errors) - 1} more errors'}."
@@ -213,9 +208,7 @@ def _field_error(details: Mapping[str, Any]) -> FieldError:
     error = context.get("error")
     if isinstance(error, FieldError):
         at_key = bool(at) and at[-1] == "[key]"
-        found = FieldError(
-            Found(error.found), error.expected, error.hint, (*at[: -1 if at_key else None], *error.at)
-        )
+        found = FieldError(Found(error.found), error.expected, error.hint, (*at[: -1 if at_key else None], *error.at))
         found.at_key = at_key
         return found
     value, kind = details["input"], details["type"]

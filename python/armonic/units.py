@@ -133,11 +133,7 @@ def _with_unit(text: str, dimension: Dimension) -> float:
 
 
 def _unit_name(written: str, dimension: Dimension) -> str | None:
-    plain = (
-        " ".join(written.replace("**", "^").translate(_PLAIN_SIGNS).split())
-        .replace(" /", "/")
-        .replace("/ ", "/")
-    )
+    plain = " ".join(written.replace("**", "^").translate(_PLAIN_SIGNS).split()).replace(" /", "/").replace("/ ", "/")
     if plain in UNITS[dimension]:
         return plain
     return _WRITTEN_TOGETHER[dimension].get(plain)

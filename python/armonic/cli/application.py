@@ -20,8 +20,7 @@ _TyperUsageError = cast("type[typer.BadParameter]", typer.BadParameter.__mro__[1
 
 app = typer.Typer(
     name="armonic",
-    help="The vibration of flexible-joint robots: from a robot file and measured FRFs to a verified dynamic"
-    " model.",
+    help="The vibration of flexible-joint robots: from a robot file and measured FRFs to a verified dynamic model.",
     epilog="Try `armonic demo` first, then `armonic COMMAND --help`.",
     add_completion=False,
     rich_markup_mode=None,

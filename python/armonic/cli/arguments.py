@@ -23,15 +23,14 @@ if TYPE_CHECKING:
 
 MAX_LINES = 1_000_000
 
-RobotName = Annotated[
-    str, typer.Argument(metavar="ROBOT", help="A robot file, or a name that `armonic robots` lists.")
-]
+RobotName = Annotated[str, typer.Argument(metavar="ROBOT", help="A robot file, or a name that `armonic robots` lists.")]
 PostureOption = Annotated[
     str | None,
     typer.Option(
         "--posture",
         metavar="P",
-        help="A name in the robot file, or the joint coordinates: 0,70deg,-100deg. Default: the only name.",
+        help="A name in the robot file, or the joint coordinates: 0,70deg,-100deg."
+        " Default: the only posture of the file.",
     ),
 ]
 FrameOption = Annotated[
@@ -73,9 +72,7 @@ def posture(robot: Robot, text: str | None) -> tuple[str | Array, str]:
             raise UsageError(
                 "--posture",
                 found="none given",
-                expected=f"one of {', '.join(names)}"
-                if names
-                else f"values of {', '.join(robot.joint_coordinates)}",
+                expected=f"one of {', '.join(names)}" if names else f"values of {', '.join(robot.joint_coordinates)}",
                 hint=None if names else "The robot file names no posture.",
             )
         return names[0], names[0]
@@ -205,9 +202,7 @@ def axes(option: str, text: str) -> tuple[str, ...]:
     bare = re.sub(r"[\s,]", "", text)
     found = tuple(_AXIS.findall(bare))
     if not found or "".join(found) != bare or len(set(found)) < len(found):
-        raise UsageError(
-            option, found=repr(text), expected="different axes among x y z rx ry rz, such as xyz or x,rz"
-        )
+        raise UsageError(option, found=repr(text), expected="different axes among x y z rx ry rz, such as xyz or x,rz")
     return found
 
 
@@ -219,9 +214,7 @@ def axis_map(text: str) -> dict[str, str]:
     """
     pairs = [part.split(":") for part in text.split(",")]
     if any(len(pair) != 2 for pair in pairs):
-        raise UsageError(
-            "--axes", found=repr(text), expected="pairs such as x:-z,z:x (axis of the file, of the frame)"
-        )
+        raise UsageError("--axes", found=repr(text), expected="pairs such as x:-z,z:x (axis of the file, of the frame)")
     return {source.strip(): target.strip() for source, target in pairs}
 
 

@@ -17,9 +17,7 @@ REPORT = "report.html"
 
 
 def demo(
-    into: Annotated[Path, typer.Option("--into", metavar="DIR", help="The folder for the files.")] = Path(
-        "demo"
-    ),
+    into: Annotated[Path, typer.Option("--into", metavar="DIR", help="The folder for the files.")] = Path("demo"),
     as_json: JsonFlag = False,
 ) -> int:
     """Fit a KUKA KR90 to an example measurement.

@@ -62,24 +62,18 @@ class Reading:
             options |= universal
         elif given := [name for name, value in universal.items() if value is not None]:
             option = f"--{given[0].replace('_', '-')}"
-            raise UsageError(
-                option, found=f"the CSV file {path}", expected="universal files, which alone have it"
-            )
+            raise UsageError(option, found=f"the CSV file {path}", expected="universal files, which alone have it")
         frf = read_frf(path, **options)
         if self.band is not None:
             frf = frf.band(*arguments.band(self.band))
         if self.symmetrize is not None:
-            frf = frf.symmetrized(
-                arguments.choice("--symmetrize", self.symmetrize, ("average", "upper", "lower"))
-            )
+            frf = frf.symmetrized(arguments.choice("--symmetrize", self.symmetrize, ("average", "upper", "lower")))
         return frf
 
 
 def update(
     robot: RobotName,
-    files: Annotated[
-        list[Path], typer.Argument(metavar="FRF_FILE...", help="Measured responses: .uff or .csv.")
-    ],
+    files: Annotated[list[Path], typer.Argument(metavar="FRF_FILE...", help="Measured responses: .uff or .csv.")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="The updated robot file.")],
     report: Annotated[
         Path | None,
@@ -87,9 +81,7 @@ def update(
     ] = None,
     posture: Annotated[
         Many | None,
-        typer.Option(
-            "--posture", metavar="P", help="Where it was measured; once for all files, or once per file."
-        ),
+        typer.Option("--posture", metavar="P", help="Where it was measured; once for all files, or once per file."),
     ] = None,
     frame: Annotated[
         Many | None,
@@ -117,18 +109,12 @@ def update(
     ] = None,
     weights: Annotated[
         str,
-        typer.Option(
-            "--weights", metavar="peaks|uniform", help="Stress the peaks, or take every line alike."
-        ),
+        typer.Option("--weights", metavar="peaks|uniform", help="Stress the peaks, or take every line alike."),
     ] = "peaks",
-    band: Annotated[
-        str | None, typer.Option("--band", metavar="LO:HI", help="Fit these lines only, Hz.")
-    ] = None,
+    band: Annotated[str | None, typer.Option("--band", metavar="LO:HI", help="Fit these lines only, Hz.")] = None,
     symmetrize: Annotated[
         str | None,
-        typer.Option(
-            "--symmetrize", metavar="HOW", help="Make H reciprocal: average, upper or lower triangle."
-        ),
+        typer.Option("--symmetrize", metavar="HOW", help="Make H reciprocal: average, upper or lower triangle."),
     ] = None,
     max_evaluations: Annotated[
         int, typer.Option("--max-evaluations", metavar="N", help="Stop after so many evaluations.")
@@ -175,9 +161,7 @@ def update(
     measurements, labels = _measurements(the_robot, files, reading, posture or (), frame or (), stress)
     fit = run(the_robot, measurements, parameters=parameters, bounds=limits, max_evaluations=max_evaluations)
     write_results(fit, output, report)
-    if len(labels) != len(
-        fit.postures
-    ):  # postures typed apart, but equal to the digits that a fit tells apart
+    if len(labels) != len(fit.postures):  # postures typed apart, but equal to the digits that a fit tells apart
         labels = list(fit.postures)
     written = {"robot": str(output)} | ({} if report is None else {"report": str(report)})
     if as_json:

@@ -96,9 +96,7 @@ def modes(
 
 
 def _modes_table(result: Modes) -> Table:
-    grid = table(
-        ">", ">natural\nHz", ">damped\nHz", ">damping\n%", "what moves\n(share of the elastic energy)"
-    )
+    grid = table(">", ">natural\nHz", ">damped\nHz", ">damping\n%", "what moves\n(share of the elastic energy)")
     for i in range(len(result)):
         damped = format_hz(float(result.damped_freq_hz[i])) if result.oscillatory[i] else "none"
         movers = ", ".join(f"{name} {100 * share:.0f} %" for name, share in result.movers(i))
@@ -145,9 +143,7 @@ def frf(
     rows, columns = arguments.axes("--outputs", outputs), arguments.axes("--inputs", inputs)
     is_csv = output is not None and output.suffix.lower() == ".csv"
     if binary and (output is None or is_csv):
-        raise UsageError(
-            "--binary", found=f"-o {output}" if is_csv else "no -o", expected="a universal file to write"
-        )
+        raise UsageError("--binary", found=f"-o {output}" if is_csv else "no -o", expected="a universal file to write")
     the_robot = arguments.open_robot(robot)
     where, label = arguments.posture(the_robot, posture)
     at = arguments.frame(the_robot, frame)
@@ -204,14 +200,8 @@ def _peak_table(response: Frf) -> Table:
 
 def _units(response: Frf) -> str:
     """The unit of every entry, or which of several they have."""
-    units = {
-        frf_unit(response.kind, output, force): f"{output}/{force}" for output, force, *_ in _cells(response)
-    }
-    return (
-        next(iter(units))
-        if len(units) == 1
-        else ", ".join(f"{unit} as {cell}" for unit, cell in units.items())
-    )
+    units = {frf_unit(response.kind, output, force): f"{output}/{force}" for output, force, *_ in _cells(response)}
+    return next(iter(units)) if len(units) == 1 else ", ".join(f"{unit} as {cell}" for unit, cell in units.items())
 
 
 def _frf_data(name: str, posture: str, response: Frf, output: Path | None) -> dict[str, Any]:

@@ -38,9 +38,7 @@ def check_output(option: str, path: Path, *, force: bool, sources: Iterable[Path
     if not os.access(folder, os.W_OK):
         raise UsageError(where, found="a folder without permission to write", expected="a writable folder")
     if path.exists() and not force:
-        raise UsageError(
-            where, found="a file that exists", expected="a new name", hint="Use --force to overwrite it."
-        )
+        raise UsageError(where, found="a file that exists", expected="a new name", hint="Use --force to overwrite it.")
 
 
 def write_results(fit: Fit, robot: Path, report: Path | None) -> None:

@@ -37,19 +37,17 @@ def fit_tables(
         postures: what to call each of `fit.postures`.
         true_values: values by path for a column of their own.
     """
-    from rich.padding import Padding
-
     yield heading("Parameters")
-    yield Padding(_parameter_table(fit.parameters, true_values), (0, 0, 1, 0))
+    yield _parameter_table(fit.parameters, true_values)
+    yield ""
     for label, before, after, mac in zip(postures, fit.before, fit.after, fit.mac, strict=True):
         yield heading(f"Modes in posture {label}, before → after, paired by MAC")
-        yield Padding(_modal_table(before, after, mac), (0, 0, 1, 0))
+        yield _modal_table(before, after, mac)
+        yield ""
     yield f"{summary(fit)} Noise of the responses: about {format_percent(fit.noise, digits=2)}."
 
 
-def _parameter_table(
-    parameters: Sequence[FittedParameter], true_values: Mapping[str, float] | None
-) -> RenderableType:
+def _parameter_table(parameters: Sequence[FittedParameter], true_values: Mapping[str, float] | None) -> RenderableType:
     from rich.text import Text
 
     columns = [
@@ -67,11 +65,7 @@ def _parameter_table(
     for (quantity, unit), members in groups.items():
         grid.add_row(Text(quantity, style="italic"), Text(unit, style="italic"))
         for p in members:
-            true = (
-                []
-                if true_values is None
-                else [format_si(true_values[p.path]) if p.path in true_values else NONE]
-            )
+            true = [] if true_values is None else [format_si(true_values[p.path]) if p.path in true_values else NONE]
             grid.add_row(
                 f"  {split_path(p.path)[0]}",
                 format_si(p.start),

@@ -52,9 +52,7 @@ def table(*columns: str) -> Table:
     from rich import box
     from rich.table import Table
 
-    grid = Table(
-        box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, show_edge=False, header_style="bold"
-    )
+    grid = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, show_edge=False, header_style="bold")
     for column in columns:
         is_number = column.startswith(">")
         grid.add_column(
@@ -98,6 +96,4 @@ def fit_progress() -> Iterator[Callable[[int, float], None] | None]:
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         # How many evaluations a fit takes is not known before, so the bar only shows that it lives.
         task = bar.add_task("linearizing", total=None)
-        yield lambda evaluations, cost: bar.update(
-            task, description=f"evaluation {evaluations}, cost {cost:.4g}"
-        )
+        yield lambda evaluations, cost: bar.update(task, description=f"evaluation {evaluations}, cost {cost:.4g}")
