@@ -84,6 +84,12 @@ def test_the_first_error_in_the_file_is_told_and_the_others_counted() -> None:
     assert error.hint == "Did you mean mass? There are 2 more errors."
 
 
+def test_errors_in_every_link_hide_none_of_them() -> None:
+    error = refusal(GOOD.replace("mass: ", "mass: -"))
+    assert error.where == "robots/test.yaml, line 13, links.first.mass"
+    assert error.hint == "There are 2 more errors."
+
+
 def test_a_misspelt_key_is_told_before_the_key_that_is_therefore_missing() -> None:
     error = refusal(GOOD.replace("  - name: first", "  - nam: first"))
     assert error.found == "the unknown key 'nam'"

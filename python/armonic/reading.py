@@ -231,8 +231,6 @@ def _field_error(details: Mapping[str, Any]) -> FieldError:
         return FieldError(value, model.what if model else "a mapping", at=at)
     if kind == "tuple_type":
         return FieldError(value, "a list", at=at)
-    if kind == "too_short":
-        return FieldError(Found("an empty list"), "at least one entry", at=at)
     return FieldError(value, str(details["msg"]), at=at)
 
 

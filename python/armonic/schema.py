@@ -328,7 +328,15 @@ class RobotDescription(_Part):
     name: Text
     source: Text | None = None
     gravity: Annotated[Vector3, vector("acceleration")] = (0.0, 0.0, -9.81)
-    links: Annotated[tuple[Link, ...], Field(min_length=1)]
+    links: tuple[Link, ...]
     frames: tuple[Frame, ...] = ()
     postures: dict[Name, tuple[Any, ...]] = Field(default_factory=dict)
     bushings: tuple[BushingEntry, ...] = ()
+
+    @field_validator("links", mode="before")
+    @classmethod
+    def _is_not_empty(cls, value: object) -> object:
+        # Not `min_length`: that also counts links with an error of their own as absent.
+        if value == []:
+            raise FieldError(Found("an empty list"), "at least one link")
+        return value
