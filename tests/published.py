@@ -126,27 +126,15 @@ class KukaKr90:
     measured_modes: ModalTable = ModalTable((10.0, 11.0, 19.2, 23.7), (0.014, 0.010, 0.005, 0.008))
 
     # Table 6, and the same recomputed from the rounded parameters of Table 5.
-    printed_modes_earlier_work: ModalTable = ModalTable(
-        (10.0, 11.1, 18.7, 23.8), (0.011, 0.010, 0.006, 0.008)
-    )
-    printed_modes_fit_modelled: ModalTable = ModalTable(
-        (10.0, 11.1, 18.7, 23.8), (0.010, 0.010, 0.006, 0.008)
-    )
-    printed_modes_fit_measured: ModalTable = ModalTable(
-        (11.0, 11.2, 19.5, 24.0), (0.016, 0.003, 0.001, 0.005)
-    )
-    printed_modes_fit_synthesized: ModalTable = ModalTable(
-        (10.0, 11.1, 19.5, 23.6), (0.009, 0.010, 0.007, 0.008)
-    )
+    printed_modes_earlier_work: ModalTable = ModalTable((10.0, 11.1, 18.7, 23.8), (0.011, 0.010, 0.006, 0.008))
+    printed_modes_fit_modelled: ModalTable = ModalTable((10.0, 11.1, 18.7, 23.8), (0.010, 0.010, 0.006, 0.008))
+    printed_modes_fit_measured: ModalTable = ModalTable((11.0, 11.2, 19.5, 24.0), (0.016, 0.003, 0.001, 0.005))
+    printed_modes_fit_synthesized: ModalTable = ModalTable((10.0, 11.1, 19.5, 23.6), (0.009, 0.010, 0.007, 0.008))
     modes_earlier_work: ModalTable = ModalTable((9.96, 11.07, 18.72, 23.85), (0.0108, 0.0101, 0.0059, 0.0070))
     modes_fit_modelled: ModalTable = ModalTable((9.96, 11.09, 18.71, 23.83), (0.0104, 0.0097, 0.0063, 0.0071))
-    modes_fit_measured: ModalTable = ModalTable(
-        (11.02, 11.19, 19.46, 23.90), (0.0155, 0.0026, 0.0008, 0.0048)
-    )
+    modes_fit_measured: ModalTable = ModalTable((11.02, 11.19, 19.46, 23.90), (0.0155, 0.0026, 0.0008, 0.0048))
     # A fifth mode, at 24.27 Hz, lies in the band here.
-    modes_fit_synthesized: ModalTable = ModalTable(
-        (10.01, 11.06, 19.52, 23.48), (0.0088, 0.0098, 0.0070, 0.0093)
-    )
+    modes_fit_synthesized: ModalTable = ModalTable((10.01, 11.06, 19.52, 23.48), (0.0088, 0.0098, 0.0070, 0.0093))
     # The nine modes of the earlier work's parameters; only four lie in the measured band.
     all_damped_freq_hz_earlier_work: Row = (9.96, 11.07, 18.72, 23.85, 53.05, 69.39, 71.62, 95.61, 111.86)
 

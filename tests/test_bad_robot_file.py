@@ -76,9 +76,7 @@ def test_a_spring_matrix_must_be_symmetric_and_able_to_hold(stiffness, path, fou
 
 
 def test_the_first_error_in_the_file_is_told_and_the_others_counted() -> None:
-    text = (
-        GOOD.replace("mass: 5", "mass: heavy").replace("mass: 10", "mas: 10").replace("home: [", "7home: [")
-    )
+    text = GOOD.replace("mass: 5", "mass: heavy").replace("mass: 10", "mas: 10").replace("home: [", "7home: [")
     error = refusal(text)
     assert error.where == "robots/test.yaml, line 13, links.first.mas"
     assert error.hint == "Did you mean mass? There are 2 more errors."
@@ -88,6 +86,11 @@ def test_errors_in_every_link_hide_none_of_them() -> None:
     error = refusal(GOOD.replace("mass: ", "mass: -"))
     assert error.where == "robots/test.yaml, line 13, links.first.mass"
     assert error.hint == "There are 2 more errors."
+
+
+def test_springs_of_a_wrong_joint_are_no_errors_of_their_own() -> None:
+    text = GOOD.replace("stiffness: 1.0e6, damping: 10", "stiffness: 1 MN m/rad").replace("revolute", "rotary")
+    assert refusal(text).where == "robots/test.yaml, line 9, links.first.joint.type"
 
 
 def test_a_misspelt_key_is_told_before_the_key_that_is_therefore_missing() -> None:
@@ -100,7 +103,7 @@ def test_an_unclosed_bracket_is_named_by_the_line_it_opens_on() -> None:
     assert "starts on line 4" in str(refusal(GOOD.replace("[0, 0, -9.81]", "[0, 0, -9.81")))
 
 
-# --- YAML that a robot file may not use ---------------------------------------------------------------
+# --- YAML that a robot file may not use -----------------------------------------------------------
 
 
 @pytest.mark.parametrize("case", YAML_FAULTS.values(), ids=YAML_FAULTS)
@@ -125,9 +128,7 @@ def test_loading_executes_nothing(tmp_path) -> None:
 
 
 def test_yaml_1_1_words_are_texts() -> None:
-    robot = Robot.from_yaml(
-        GOOD.replace("Test arm", "no").replace("a test", "2021-02-30").replace("home", "on")
-    )
+    robot = Robot.from_yaml(GOOD.replace("Test arm", "no").replace("a test", "2021-02-30").replace("home", "on"))
     assert (robot.name, robot.source, *robot.postures) == ("no", "2021-02-30", "on")
 
 
@@ -147,9 +148,7 @@ def test_a_file_over_one_mebibyte_is_refused_unread(tmp_path) -> None:
 def test_a_file_in_another_encoding_is_refused(tmp_path, content) -> None:
     path = tmp_path / "latin.yaml"
     path.write_bytes(content)
-    with pytest.raises(
-        RobotFileError, match=r"latin\.yaml, line \d: found the byte 0x.., expected text in UTF-8"
-    ):
+    with pytest.raises(RobotFileError, match=r"latin\.yaml, line \d: found the byte 0x.., expected text in UTF-8"):
         load(path)
 
 
@@ -243,9 +242,7 @@ def test_no_mutation_of_the_entries_yields_anything_but_a_robot_or_an_error(data
             case "repeat" if isinstance(node, list):
                 node.append(copy.deepcopy(node[last]))
             case _ if isinstance(node, dict):
-                node[data.draw(st.text(max_size=6) | st.sampled_from(["x", "y", "mass", "joint"]))] = (
-                    node.pop(last)
-                )
+                node[data.draw(st.text(max_size=6) | st.sampled_from(["x", "y", "mass", "joint"]))] = node.pop(last)
         if not places(content):
             break
     survives(json.dumps(content, ensure_ascii=data.draw(st.booleans())))

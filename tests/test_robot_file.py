@@ -32,9 +32,7 @@ def test_the_catalog_lists_the_robots_of_the_paper() -> None:
 
 
 @pytest.mark.parametrize(("name", "published"), [("huynh_3r", HUYNH_3R), ("kuka_kr90", KUKA_KR90)])
-def test_catalog_bodies_are_the_printed_ones_with_products_turned_into_tensor_entries(
-    name, published
-) -> None:
+def test_catalog_bodies_are_the_printed_ones_with_products_turned_into_tensor_entries(name, published) -> None:
     robot = load(name)
     assert robot.gravity.tolist() == list(published.gravity)
     links = {link.name: link for link in robot.description.links}
@@ -138,14 +136,10 @@ def test_placements_are_applied_left_to_right_and_sit_on_the_first_node() -> Non
     np.testing.assert_allclose(tree.frame_placements[5], tip, atol=2e-16)
 
 
-@pytest.mark.parametrize(
-    ("key", "turned"), [("rx", [[0, 1], [1, 2]]), ("ry", [[2, 0], [1, 1]]), ("rz", [[0, 1]])]
-)
+@pytest.mark.parametrize(("key", "turned"), [("rx", [[0, 1], [1, 2]]), ("ry", [[2, 0], [1, 1]]), ("rz", [[0, 1]])])
 def test_rotations_are_right_handed(key, turned) -> None:
     # A quarter turn about x takes y to z, about y takes z to x, about z takes x to y.
-    T = tree_of(
-        f"{MINIMAL}\nframes: [{{name: f, link: a, placement: [{{{key}: 90 deg}}]}}]"
-    ).frame_placements[-1]
+    T = tree_of(f"{MINIMAL}\nframes: [{{name: f, link: a, placement: [{{{key}: 90 deg}}]}}]").frame_placements[-1]
     start, end = {"rx": (1, 2), "ry": (2, 0), "rz": (0, 1)}[key]
     np.testing.assert_allclose(T[:3, start], np.eye(3)[end], atol=1e-16)
     assert np.linalg.det(T[:3, :3]) == pytest.approx(1.0)

@@ -47,9 +47,7 @@ def test_parameters_are_listed_in_file_order_with_si_values() -> None:
 def test_a_bushing_has_parameters_where_it_acts() -> None:
     cable = zoo().parameters("bushings.cable.*")
     assert [path.removeprefix("bushings.cable.") for path in cable] == [
-        f"{what}.{direction}"
-        for what in ("stiffness", "damping")
-        for direction in ("x", "y", "z", "rx", "ry")
+        f"{what}.{direction}" for what in ("stiffness", "damping") for direction in ("x", "y", "z", "rx", "ry")
     ]
     assert zoo().parameters("bushings.mount.stiffness.ry") == {"bushings.mount.stiffness.ry": 6.0}
 
@@ -124,9 +122,9 @@ def test_changed_values_leave_every_other_character_of_the_file_alone(tmp_path) 
 
 
 def test_a_damping_the_file_lacks_is_written_beside_its_stiffness() -> None:
-    text = ZOO.replace(
-        "      x:\n        stiffness: 7 kN m/rad   # guessed\n        damping: 12\n", ""
-    ).replace("    mass: 500 g", "      y:\n        stiffness: 7 kN m/rad   # guessed\n    mass: 500 g")
+    text = ZOO.replace("      x:\n        stiffness: 7 kN m/rad   # guessed\n        damping: 12\n", "").replace(
+        "    mass: 500 g", "      y:\n        stiffness: 7 kN m/rad   # guessed\n    mass: 500 g"
+    )
     changed = Robot.from_yaml(text).with_values(
         {
             "links.slide.elasticity.ty.damping": 5,
@@ -161,10 +159,7 @@ def test_line_ends_stay_as_they_are(tmp_path, line_end) -> None:
     load(path).with_values({"links.arm.elasticity.z.damping": 250}).save(path)
     assert (
         path.read_bytes()
-        == catalog.read("kuka_kr90")
-        .replace("damping: 200}", "damping: 250}")
-        .replace("\n", line_end)
-        .encode()
+        == catalog.read("kuka_kr90").replace("damping: 200}", "damping: 250}").replace("\n", line_end).encode()
     )
 
 

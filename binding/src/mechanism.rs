@@ -43,13 +43,13 @@ pub struct Bushing {
     inner: bushing::Bushing,
 }
 
-fn wrenches(arguments: Vec<WrenchArgument>) -> Vec<FrameWrench> {
+fn wrenches(arguments: Option<Vec<WrenchArgument>>) -> Vec<FrameWrench> {
     let one = |(frame, w): WrenchArgument| FrameWrench {
         frame: frame.0,
         force: Vector3::new(w[0], w[1], w[2]),
         moment: Vector3::new(w[3], w[4], w[5]),
     };
-    arguments.into_iter().map(one).collect()
+    arguments.into_iter().flatten().map(one).collect()
 }
 
 fn copy_rows(matrix: &DMatrix<f64>, out: &mut [f64]) {
@@ -264,14 +264,14 @@ impl Mechanism {
     }
 
     /// Joint forces for a motion, (n,) or (P, n).
-    #[pyo3(signature = (q, qd, qdd, *, wrenches = vec![]))]
+    #[pyo3(signature = (q, qd, qdd, *, wrenches = None))]
     fn inverse_dynamics<'py>(
         &self,
         py: Python<'py>,
         q: Array<'py>,
         qd: Array<'py>,
         qdd: Array<'py>,
-        wrenches: Vec<WrenchArgument>,
+        wrenches: Option<Vec<WrenchArgument>>,
     ) -> Out<'py> {
         let ([q, qd, qdd], batch) = self.states([("q", &q), ("qd", &qd), ("qdd", &qdd)])?;
         let wrenches = self::wrenches(wrenches);
@@ -284,14 +284,14 @@ impl Mechanism {
     }
 
     /// Accelerations under joint forces, (n,) or (P, n).
-    #[pyo3(signature = (q, qd, tau, *, wrenches = vec![]))]
+    #[pyo3(signature = (q, qd, tau, *, wrenches = None))]
     fn forward_dynamics<'py>(
         &self,
         py: Python<'py>,
         q: Array<'py>,
         qd: Array<'py>,
         tau: Array<'py>,
-        wrenches: Vec<WrenchArgument>,
+        wrenches: Option<Vec<WrenchArgument>>,
     ) -> Out<'py> {
         let ([q, qd, tau], batch) = self.states([("q", &q), ("qd", &qd), ("tau", &tau)])?;
         let wrenches = self::wrenches(wrenches);
@@ -304,19 +304,19 @@ impl Mechanism {
     }
 
     /// Mass, tangent damping and tangent stiffness stacked: (3, n, n) or (P, 3, n, n).
-    #[pyo3(signature = (q, qd, qdd, *, wrenches = vec![], bushings = vec![]))]
+    #[pyo3(signature = (q, qd, qdd, *, wrenches = None, bushings = None))]
     fn linearize<'py>(
         &self,
         py: Python<'py>,
         q: Array<'py>,
         qd: Array<'py>,
         qdd: Array<'py>,
-        wrenches: Vec<WrenchArgument>,
-        bushings: Vec<PyRef<'py, Bushing>>,
+        wrenches: Option<Vec<WrenchArgument>>,
+        bushings: Option<Vec<PyRef<'py, Bushing>>>,
     ) -> Out<'py> {
         let ([q, qd, qdd], batch) = self.states([("q", &q), ("qd", &qd), ("qdd", &qdd)])?;
         let wrenches = self::wrenches(wrenches);
-        let bushings: Vec<_> = bushings.iter().map(|b| b.inner.clone()).collect();
+        let bushings: Vec<_> = bushings.iter().flatten().map(|b| b.inner.clone()).collect();
         let n = self.inner.n();
         self.each(py, batch, &[3, n, n], |ws, case, out| {
             let [q, qd, qdd] = [&q, &qd, &qdd].map(|rows| self.slice(rows, case));

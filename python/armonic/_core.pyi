@@ -11,6 +11,8 @@ from typing import TypeAlias, final
 import numpy as np
 from numpy.typing import NDArray
 
+__all__ = ["Bushing", "LinearSystem", "Mechanism", "Problem", "responses"]
+
 _Real: TypeAlias = NDArray[np.float64]
 _Complex: TypeAlias = NDArray[np.complex128]
 _Wrench: TypeAlias = tuple[int, Sequence[float]]
@@ -38,16 +40,16 @@ class Mechanism:
     def mass_matrix(self, q: _Real) -> _Real: ...
     def gravity_torque(self, q: _Real) -> _Real: ...
     def bias(self, q: _Real, qd: _Real) -> _Real: ...
-    def inverse_dynamics(self, q: _Real, qd: _Real, qdd: _Real, *, wrenches: Sequence[_Wrench] = []) -> _Real: ...
-    def forward_dynamics(self, q: _Real, qd: _Real, tau: _Real, *, wrenches: Sequence[_Wrench] = []) -> _Real: ...
+    def inverse_dynamics(self, q: _Real, qd: _Real, qdd: _Real, *, wrenches: Sequence[_Wrench] | None = None) -> _Real: ...
+    def forward_dynamics(self, q: _Real, qd: _Real, tau: _Real, *, wrenches: Sequence[_Wrench] | None = None) -> _Real: ...
     def linearize(
         self,
         q: _Real,
         qd: _Real,
         qdd: _Real,
         *,
-        wrenches: Sequence[_Wrench] = [],
-        bushings: Sequence[Bushing] = [],
+        wrenches: Sequence[_Wrench] | None = None,
+        bushings: Sequence[Bushing] | None = None,
     ) -> _Real: ...
 
 @final

@@ -127,12 +127,12 @@ def linearize(
             rest when gravity and the wrench load the springs (Newton's method).
 
     Raises:
-        PostureError: posture, velocity, wrench or frame do not fit the robot.
-        ModelError: every coordinate is locked, or there is no static equilibrium.
+        PostureError: posture, velocity, acceleration, wrench or frame do not fit the robot.
+        ModelError: every coordinate is locked, or there is no stable static equilibrium.
     """
     q = robot.posture(posture)
     label = posture if isinstance(posture, str) else np.array2string(q, precision=4, separator=", ")
-    rates = [np.zeros_like(q) if v is None else robot.posture(np.asarray(v, float)) for v in (velocity, acceleration)]
+    rates = _rates(robot, "velocity", velocity), _rates(robot, "acceleration", acceleration)
     keep = np.flatnonzero(robot.flexible)
     if keep.size == 0:
         raise ModelError(
@@ -152,8 +152,8 @@ def linearize(
     impedances, directions, spring, damper, in_tangent = _impedances(robot, q, bushings, keep)
     # The tangent holds the bushings whole; those of their springs that stand in the list are taken out again.
     held = directions[in_tangent]
-    free_stiffness = stiffness - held.T @ (spring[in_tangent, None] * held)
-    free_damping = damping - held.T @ (damper[in_tangent, None] * held)
+    free_stiffness = _without(stiffness, held, spring[in_tangent])
+    free_damping = _without(damping, held, damper[in_tangent])
     return LinearModel(
         robot=robot,
         posture=label,
@@ -171,6 +171,57 @@ def linearize(
     )
 
 
+def model_of(
+    robot: Robot | LinearModel,
+    posture: Posture | None,
+    *,
+    wrench: ArrayLike | None,
+    frame: str | None,
+    equilibrium: Equilibrium,
+) -> LinearModel:
+    """A robot linearized at a posture (all coordinates zero if None), or a linear model as it is.
+
+    Raises:
+        PostureError: as `linearize`; or a linear model comes with a posture, wrench or equilibrium of its own.
+        ModelError: as `linearize`.
+    """
+    if not isinstance(robot, LinearModel):
+        return linearize(robot, {} if posture is None else posture, wrench=wrench, frame=frame, equilibrium=equilibrium)
+    if posture is not None or wrench is not None or equilibrium != "reference":
+        raise PostureError(
+            "posture",
+            found="a posture, wrench or equilibrium beside a linear model",
+            expected="the model alone",
+            hint="Give them to `linearize`, which made the model.",
+        )
+    return robot
+
+
+def _numbers(where: str, values: ArrayLike, lengths: tuple[int, ...], expected: str) -> Array:
+    try:
+        array = np.asarray(values, float)
+    except (TypeError, ValueError):
+        array = np.array(np.nan)
+    if array.ndim != 1 or array.size not in lengths or not np.isfinite(array).all():
+        raise PostureError(where, found=f"{values!r:.60}", expected=expected)
+    return array
+
+
+def _rates(robot: Robot, where: str, values: ArrayLike | None) -> Array:
+    """Velocities or accelerations of all coordinates, from those of the joints or of all."""
+    rates = np.zeros(len(robot.coordinates))
+    if values is None:
+        return rates
+    lengths = len(robot.joint_coordinates), len(rates)
+    given = _numbers(
+        where, values, lengths, f"{lengths[0]} finite numbers, one per joint, or {lengths[1]}, one per coordinate"
+    )
+    if given.size == len(rates):
+        return given
+    rates[[robot.coordinates.index(name) for name in robot.joint_coordinates]] = given
+    return rates
+
+
 def _wrenches(robot: Robot, wrench: ArrayLike | None, frame: str | None) -> list[tuple[int, list[float]]]:
     if wrench is None:
         if frame is not None:
@@ -178,11 +229,7 @@ def _wrenches(robot: Robot, wrench: ArrayLike | None, frame: str | None) -> list
         return []
     if frame is None:
         raise PostureError("frame", found="nothing", expected="the frame at which the wrench acts")
-    values = np.asarray(wrench, float)
-    if values.shape != (6,) or not np.isfinite(values).all():
-        raise PostureError(
-            "wrench", found=str(wrench), expected="six finite numbers: force x y z (N), moment x y z (N m)"
-        )
+    values = _numbers("wrench", wrench, (6,), "six finite numbers: force x y z (N), moment x y z (N m)")
     return [(robot.frame_index(frame), values.tolist())]
 
 
@@ -220,6 +267,15 @@ def _impedances(
     return tuple(names), np.vstack(rows), np.concatenate(spring), np.concatenate(damper), in_tangent
 
 
+def _without(matrix: Array, directions: Array, values: Array) -> Array:
+    """A tangent less some of its springs or dampers, symmetric if it was (the core is faster then)."""
+    if not len(directions):
+        return matrix
+    rest = matrix - directions.T @ (values[:, None] * directions)
+    odd = np.abs(matrix - matrix.T).max()
+    return (rest + rest.T) / 2 if odd <= 1e-13 * np.abs(matrix).max() else rest
+
+
 def _settle(
     robot: Robot,
     label: str,
@@ -231,29 +287,27 @@ def _settle(
     """Posture where springs, gravity and wrench balance, by Newton's method from the unloaded one."""
     mechanism, zero = robot.mechanism, np.zeros_like(reference)
     q = reference.copy()
-    load = mechanism.inverse_dynamics(reference, zero, zero, wrenches=wrenches)[keep]
-    scale = max(float(np.abs(load).max()), 1e-300)
     for _ in range(NEWTON_STEPS):
-        residual = mechanism.inverse_dynamics(q, zero, zero, wrenches=wrenches)
-        residual = residual + robot.stiffness * (q - reference)
-        for bushing in bushings:
-            residual = residual + bushing.force(mechanism, q, zero)
-        if np.abs(residual[keep]).max() <= 1e-12 * scale:
-            return q
+        parts = [mechanism.inverse_dynamics(q, zero, zero, wrenches=wrenches), robot.stiffness * (q - reference)]
+        forces = np.array([*parts, *(bushing.force(mechanism, q, zero) for bushing in bushings)])[:, keep]
+        residual = forces.sum(axis=0)
         tangent = mechanism.linearize(q, zero, zero, wrenches=wrenches, bushings=bushings)
         stiffness = tangent[2][keep[:, None], keep] + np.diag(robot.stiffness[keep])
-        try:
-            step = np.linalg.solve(stiffness, residual[keep])
-        except np.linalg.LinAlgError:
-            break
+        # Of least length: a free coordinate that nothing loads stays where it is.
+        step = np.linalg.lstsq(stiffness, residual, rcond=1e-12)[0]
         q[keep] -= step
         if not np.isfinite(q).all() or np.abs(q - reference).max() > 10.0:
             break
-        if np.abs(step).max() <= 1e-15 * max(1.0, float(np.abs(q).max())):
+        # Convergence is quadratic: after a step this small only rounding is left, or what nothing carries.
+        if np.abs(step).max() <= 1e-10:
+            size = float(np.abs(stiffness).max())
+            loose = np.abs(residual - stiffness @ step).max() > 1e-9 * np.abs(forces).max() + 1e-12 * size
+            if loose or np.linalg.eigvals(stiffness).real.min() < -1e-12 * size:
+                break
             return q
     raise ModelError(
         f"{robot.name}, posture {label}",
-        found="no static equilibrium near it",
+        found="no stable static equilibrium near it",
         expected="springs that carry gravity and the wrench",
         hint="Check stiffness and wrench, or linearize at the reference posture.",
     )

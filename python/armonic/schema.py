@@ -213,12 +213,11 @@ class Link(_Part):
     def _fits_joint(cls, value: object, info: ValidationInfo) -> object:
         """Give every spring the dimension of its coordinate, or an error if the joint has no such one."""
         joint = info.data.get("joint")
-        if not isinstance(value, dict) or not isinstance(joint, Joint):
+        if not isinstance(value, dict):
             return value
-        return {
-            key: _error_of_key(key, joint) or _with_dimension(key, spring, joint)
-            for key, spring in value.items()
-        }
+        if not isinstance(joint, Joint):
+            return {}  # the joint's own error is told; what its springs measure is unknown
+        return {key: _error_of_key(key, joint) or _with_dimension(key, spring, joint) for key, spring in value.items()}
 
     @field_validator("mass", mode="after")
     @classmethod
@@ -270,8 +269,7 @@ def _with_dimension(key: str, spring: object, joint: Joint) -> object:
     stiffness: Dimension = "rotational stiffness" if turns else "translational stiffness"
     damping: Dimension = "rotational damping" if turns else "translational damping"
     return {
-        name: _InUnit(value, damping if name.startswith("damping") else stiffness)
-        for name, value in spring.items()
+        name: _InUnit(value, damping if name.startswith("damping") else stiffness) for name, value in spring.items()
     }
 
 
@@ -320,7 +318,7 @@ class BushingEntry(_Part):
 
 
 class RobotDescription(_Part):
-    """A whole robot file, each entry checked by itself; `references` checks them against each other."""
+    """A whole robot file, each entry checked by itself; `reading` checks the names against each other."""
 
     what = "a robot description that starts with `armonic: 1`"
 

@@ -157,9 +157,7 @@ def placement(motions: Iterable[Motion]) -> Array:
     return T
 
 
-def _bushings(
-    description: RobotDescription, postures: dict[str, Array], own: list[int], n: int
-) -> tuple[Bushing, ...]:
+def _bushings(description: RobotDescription, postures: dict[str, Array], own: list[int], n: int) -> tuple[Bushing, ...]:
     moving = moving_links(description)
     result = []
     for entry in description.bushings:

@@ -97,14 +97,10 @@ def unknown_path(path: str, known: Iterable[str]) -> UpdateError:
     hint = did_you_mean(path, names)
     if hint is None:
         hint = f"The first of {len(names)} is {names[0]}." if names else "The robot has no elasticity yet."
-    return UpdateError(
-        "parameters", found=repr(path), expected="the path of a stiffness or damping", hint=hint
-    )
+    return UpdateError("parameters", found=repr(path), expected="the path of a stiffness or damping", hint=hint)
 
 
-def write(
-    document: Document, parameters: Mapping[str, Parameter], values: Mapping[str, float | str]
-) -> Document:
+def write(document: Document, parameters: Mapping[str, Parameter], values: Mapping[str, float | str]) -> Document:
     """A new document with other numbers; numbers that stay equal keep their text, and so does all the rest.
 
     Args:
@@ -152,9 +148,7 @@ def write(
     result = document.edited(edits)
     if result.data != expected:
         where = document.where(next(iter(missing), ()))
-        raise RobotFileError(
-            where, found="an unusual layout", expected="one key per line, or a mapping in braces"
-        )
+        raise RobotFileError(where, found="an unusual layout", expected="one key per line, or a mapping in braces")
     return result
 
 
@@ -174,9 +168,7 @@ def _of_link(i: int, link: Link) -> Iterable[Parameter]:
         path, at = f"links.{link.name}.elasticity.{key}", ("links", i, "elasticity", key)
         stiffness: Dimension = "rotational stiffness" if turns else "translational stiffness"
         damping: Dimension = "rotational damping" if turns else "translational damping"
-        yield Parameter(
-            f"{path}.stiffness", spring.stiffness, stiffness, spring.stiffness_bounds, (*at, "stiffness")
-        )
+        yield Parameter(f"{path}.stiffness", spring.stiffness, stiffness, spring.stiffness_bounds, (*at, "stiffness"))
         yield Parameter(f"{path}.damping", spring.damping, damping, spring.damping_bounds, (*at, "damping"))
 
 
@@ -188,9 +180,7 @@ def _of_bushing(i: int, bushing: BushingEntry, data: Mapping[str, Any]) -> Itera
             if acts:
                 at: Location = ("bushings", i, name, k, k) if square else ("bushings", i, name, k)
                 dimension = _bushing_dimension(name, turns=k >= 3)
-                yield Parameter(
-                    f"bushings.{bushing.name}.{name}.{direction}", matrix[k][k], dimension, None, at
-                )
+                yield Parameter(f"bushings.{bushing.name}.{name}.{direction}", matrix[k][k], dimension, None, at)
 
 
 def _bushing_dimension(name: str, *, turns: bool) -> Dimension:
