@@ -31,7 +31,10 @@ pub fn numbers<T: numpy::Element + Copy>(
             wanted.join(", ")
         )));
     }
-    Ok(array.as_array().iter().copied().collect())
+    match array.as_slice() {
+        Ok(by_rows) if array.is_c_contiguous() => Ok(by_rows.to_vec()), // a slice may also run by columns
+        _ => Ok(array.as_array().iter().copied().collect()),
+    }
 }
 
 /// A 4×4 homogeneous matrix, by rows, as a transform; its rotation must be one.

@@ -93,7 +93,7 @@ pub fn responses<'py>(
     }
     let impedances = impedances(&stiffness, &damping)?;
     let s = points(&s)?;
-    let systems: Vec<_> = systems.iter().map(|system| system.inner.clone()).collect();
+    let systems: Vec<_> = systems.iter().map(|system| &system.inner).collect();
     let (p, m) = systems[0].shape();
     let parameters = SpringDamper::PARAMETERS * systems[0].branches();
     let cases = systems.len().max(impedances.len());

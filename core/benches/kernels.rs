@@ -29,7 +29,8 @@ fn kernels(c: &mut Criterion) {
         b.iter(|| linearize(&mechanism, &mut ws, black_box(&point), &mut tangent));
     });
 
-    let systems = [system(&mechanism)];
+    let model = system(&mechanism);
+    let systems = [&model];
     let lines: Vec<_> = (1..=152).map(|i| Complex::new(0.0, TAU * 0.2 * f64::from(i))).collect();
     let truth = [springs(1.0)];
     c.bench_function("FRF, 152 lines", |b| {
@@ -39,7 +40,7 @@ fn kernels(c: &mut Criterion) {
         b.iter(|| responses(&systems, &truth, black_box(&lines), true).unwrap());
     });
     let measured = responses(&systems, &truth, &lines, false).unwrap().values;
-    let target = Target::new(systems[0].clone(), &lines, &measured, &vec![1.0; 9 * 152]).unwrap();
+    let target = Target::new(model.clone(), &lines, &measured, &vec![1.0; 9 * 152]).unwrap();
     let problem = Problem::new(vec![target]).unwrap();
     let (start, free) = (springs(0.8), (0..18).collect::<Vec<_>>());
     c.bench_function("residual and Jacobian to a triangle, 18 parameters", |b| {

@@ -80,6 +80,11 @@ impl LinearSystem {
         (self.outputs.len() / self.n, self.inputs.len() / self.n)
     }
 
+    /// Whether H is symmetric, X serving on both sides.
+    pub(crate) fn mirrored(&self) -> bool {
+        self.same && self.symmetric
+    }
+
     /// Refuses a list of impedances that does not match the directions.
     ///
     /// # Errors
@@ -137,7 +142,7 @@ pub struct Responses {
 /// # Errors
 /// Mismatched lengths, numbers that are not finite, [`Error::Singular`].
 pub fn responses(
-    systems: &[LinearSystem],
+    systems: &[&LinearSystem],
     impedances: &[Vec<SpringDamper>],
     s: &[C64<f64>],
     sensitivities: bool,
@@ -148,7 +153,7 @@ pub fn responses(
             return Err(Error::Length { what, needed: cases, got });
         }
     }
-    let first = &systems[0];
+    let first = systems[0];
     let (p, m) = first.shape();
     for system in systems {
         if system.shape() != (p, m) || system.branches() != first.branches() {
@@ -169,7 +174,7 @@ pub fn responses(
         return Ok(out);
     }
     let run = |case: usize, values: &mut [Slot], sensitivities: &mut [Slot]| {
-        let system = &systems[if systems.len() == 1 { 0 } else { case }];
+        let system = systems[if systems.len() == 1 { 0 } else { case }];
         let impedances = &impedances[if impedances.len() == 1 { 0 } else { case }];
         system.check(impedances)?;
         Arch::new().dispatch(OneCase { system, impedances, s, values, sensitivities })
@@ -218,15 +223,21 @@ impl WithSimd for OneCase<'_> {
         let zero = Complex::zero(simd);
         // Projections are gathered over all lines, so that every entry is then written as one stream.
         let mut points = vec![zero; groups];
-        let mut at_outputs = vec![zero; if want { r * p * groups } else { 0 }];
+        let mirrored = self.system.mirrored();
+        let mut at_outputs = vec![zero; if want && !mirrored { r * p * groups } else { 0 }];
         let mut at_inputs = vec![zero; if want { r * m * groups } else { 0 }];
-        for (group, start) in (0..count).step_by(lanes::<S>()).enumerate() {
+        // The last group reaches back over lines already done, so that all but the shortest lists fill whole groups.
+        let start_of = |group: usize| (group * lanes::<S>()).min(count.saturating_sub(lanes::<S>()));
+        for group in 0..groups {
+            let start = start_of(group);
             points[group] = load(simd, self.s, start);
             solver.solve(simd, points[group], start, want)?;
             for (&value, place) in solver.h.iter().zip(self.values.chunks_exact_mut(count)) {
                 store(simd, value, &mut place[start..]);
             }
-            for (from, to) in [(&solver.at_outputs, &mut at_outputs), (&solver.at_inputs, &mut at_inputs)] {
+            for (from, to) in
+                [(solver.at_outputs(), &mut at_outputs), (&solver.at_inputs[..], &mut at_inputs)]
+            {
                 for (&value, stream) in from.iter().zip(to.chunks_exact_mut(groups)) {
                     stream[group] = value;
                 }
@@ -235,21 +246,20 @@ impl WithSimd for OneCase<'_> {
         if !want {
             return Ok(());
         }
-        let mirrored = self.system.same && self.system.symmetric;
+        let at_outputs = if mirrored { &at_inputs } else { &at_outputs };
         let (by_stiffness, by_damping) = self.sensitivities.split_at_mut(r * p * m * count);
         for (branch, a) in (0..r).flat_map(|branch| (0..p).map(move |a| (branch, a))) {
             let entry = |a, b| ((branch * p + a) * m + b) * count;
             let y = &at_outputs[(branch * p + a) * groups..][..groups];
             for b in 0..if mirrored { a + 1 } else { m } {
                 let x = &at_inputs[(branch * m + b) * groups..][..groups];
-                let stiffness = by_stiffness[entry(a, b)..][..count].chunks_mut(lanes::<S>());
-                let damping = by_damping[entry(a, b)..][..count].chunks_mut(lanes::<S>());
-                for ((((&y, &x), &s), stiffness), damping) in
-                    y.iter().zip(x).zip(&points).zip(stiffness).zip(damping)
-                {
+                let stiffness = &mut by_stiffness[entry(a, b)..][..count];
+                let damping = &mut by_damping[entry(a, b)..][..count];
+                for (group, ((&y, &x), &s)) in y.iter().zip(x).zip(&points).enumerate() {
+                    let start = start_of(group);
                     let slope = y.mul(simd, x).neg(simd);
-                    store(simd, slope, stiffness);
-                    store(simd, slope.mul(simd, s), damping);
+                    store(simd, slope, &mut stiffness[start..]);
+                    store(simd, slope.mul(simd, s), &mut damping[start..]);
                 }
                 if mirrored && a != b {
                     by_stiffness.copy_within(entry(a, b)..entry(a, b) + count, entry(b, a));

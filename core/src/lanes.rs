@@ -237,7 +237,6 @@ pub fn factor<S: Simd>(
 
 /// Rows `start` to `start + M` of the factor, those above being done.
 #[inline(always)]
-#[allow(clippy::manual_memcpy)] // a copy of at most M entries must not become a call
 fn factor_rows<S: Simd, const M: usize>(
     simd: S,
     z: &mut [Complex<S>],
@@ -262,18 +261,21 @@ fn factor_rows<S: Simd, const M: usize>(
         y[k] = sum;
     }
     // L = Y D⁻¹, and what is left of the diagonal block.
+    for (k, y) in y.iter().enumerate() {
+        let inverse = above[row(k) + k];
+        for b in 0..M {
+            rows[at(b) + k] = y[b].mul(simd, inverse);
+        }
+    }
     let mut block = [[Complex::zero(simd); M]; M];
     for b in 0..M {
-        let line = &mut rows[at(b)..at(b) + start + b + 1];
+        let line = &rows[at(b)..at(b) + start + b + 1];
         for c in 0..=b {
-            block[b][c] = line[start + c];
-        }
-        for (k, (place, y)) in line[..start].iter_mut().zip(y.iter()).enumerate() {
-            let l = y[b].mul(simd, above[row(k) + k]);
-            for c in 0..=b {
-                block[b][c] = block[b][c].sub_mul(simd, l, y[c]);
+            let mut sum = line[start + c];
+            for (&l, y) in line[..start].iter().zip(y.iter()) {
+                sum = sum.sub_mul(simd, l, y[c]);
             }
-            *place = l;
+            block[b][c] = sum;
         }
     }
     let mut margin = Real::splat(simd, f64::INFINITY);

@@ -287,7 +287,7 @@ impl WithSimd for Task<'_> {
                     for (column, &parameter) in self.free.iter().enumerate() {
                         let (kind, branch) = (parameter / r, parameter % r);
                         let gradient = self.impedances[branch].gradient(simd, s, true)[kind];
-                        let y = solver.at_outputs[branch * p + a];
+                        let y = solver.at_outputs()[branch * p + a];
                         let x = solver.at_inputs[branch * m + b];
                         let value = y.mul(simd, x).mul(simd, gradient.mul(simd, scale));
                         block.put(column, [value.re, value.im]);

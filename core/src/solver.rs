@@ -35,23 +35,28 @@ pub(crate) fn load<S: Simd>(simd: S, from: &[C64<f64>], start: usize) -> Complex
 /// Stores [`lanes`] complex numbers at the beginning of `to`, as many as fit.
 #[inline(always)]
 pub(crate) fn store<S: Simd>(simd: S, value: Complex<S>, to: &mut [Slot]) {
-    let mut pairs = [[value.re.0[0], value.im.0[0]]; REGISTERS];
-    for (i, pair) in pairs.iter_mut().enumerate() {
-        *pair = simd.interleave_shfl_f64s([value.re.0[i], value.im.0[i]]);
-    }
     if to.len() >= lanes::<S>() {
-        // SAFETY: `pairs` is exactly `lanes` complex numbers, and `to` has room for them.
-        unsafe { to.as_mut_ptr().cast::<[[S::f64s; 2]; REGISTERS]>().write_unaligned(pairs) };
+        let place = to.as_mut_ptr().cast::<[S::f64s; 2]>();
+        for i in 0..REGISTERS {
+            let pair = simd.interleave_shfl_f64s([value.re.0[i], value.im.0[i]]);
+            // SAFETY: `to` has room for REGISTERS pairs of registers, which are `lanes` complex numbers.
+            unsafe { place.add(i).write_unaligned(pair) };
+        }
     } else {
-        store_some(bytemuck::cast_slice(pairs.as_flattened()), to);
+        store_some(simd, value, to);
     }
 }
 
-/// The last, incomplete group of lines.
+/// The last, incomplete group of lines; kept apart so that whole groups never pass through memory.
 #[cold]
-fn store_some(from: &[C64<f64>], to: &mut [Slot]) {
-    for (place, &value) in to.iter_mut().zip(from) {
-        place.write(value);
+#[inline(never)]
+fn store_some<S: Simd>(simd: S, value: Complex<S>, to: &mut [Slot]) {
+    for i in 0..REGISTERS {
+        let pair = simd.interleave_shfl_f64s([value.re.0[i], value.im.0[i]]);
+        let flat: &[C64<f64>] = bytemuck::cast_slice(&pair);
+        for (place, &value) in to.iter_mut().skip(i * S::F64_LANES).zip(flat) {
+            place.write(value);
+        }
     }
 }
 
@@ -69,8 +74,8 @@ pub(crate) struct Solver<'a, S: Simd> {
     y: Option<Columns<S>>,
     /// H, p×m.
     pub(crate) h: Vec<Complex<S>>,
-    /// b_rᵀ Y_a, r×p.
-    pub(crate) at_outputs: Vec<Complex<S>>,
+    /// b_rᵀ Y_a, r×p; empty where X serves as Y.
+    at_outputs: Vec<Complex<S>>,
     /// b_rᵀ X_b, r×m.
     pub(crate) at_inputs: Vec<Complex<S>>,
 }
@@ -80,6 +85,7 @@ impl<'a, S: Simd> Solver<'a, S> {
         let (n, r) = (system.n, system.branches());
         let (p, m) = system.shape();
         let zero = Complex::zero(simd);
+        let mirrored = system.mirrored();
         let mut scale: Vec<_> = (0..n)
             .map(|i| [&system.stiffness, &system.damping, &system.mass].map(|a| a[i * n + i].abs()))
             .collect();
@@ -101,14 +107,14 @@ impl<'a, S: Simd> Solver<'a, S> {
             scratch: vec![zero; SIDE_BY_SIDE * n],
             z: vec![zero; row(n)],
             x: Columns::zeros(simd, n, m),
-            y: (!(system.same && system.symmetric)).then(|| Columns::zeros(simd, n, p)),
+            y: (!mirrored).then(|| Columns::zeros(simd, n, p)),
             h: vec![zero; p * m],
-            at_outputs: vec![zero; r * p],
+            at_outputs: vec![zero; if mirrored { 0 } else { r * p }],
             at_inputs: vec![zero; r * m],
         }
     }
 
-    /// Fills `h` and, where `branches`, `at_outputs` and `at_inputs` for one group of points; `start` is the index of
+    /// Fills `h` and, where `branches`, the projections on the impedances' directions for one group of points; `start` is the index of
     /// its first point, for the error message.
     #[inline(always)]
     pub(crate) fn solve(&mut self, simd: S, s: Complex<S>, start: usize, branches: bool) -> Result<()> {
@@ -204,26 +210,46 @@ impl<'a, S: Simd> Solver<'a, S> {
     #[inline(always)]
     fn project(&mut self, simd: S, branches: bool) {
         let (n, (p, m)) = (self.system.n, self.system.shape());
+        let mirrored = self.y.is_none();
         for a in 0..p {
             let jacobian = &self.system.outputs[a * n..(a + 1) * n];
-            for b in 0..m {
-                self.h[a * m + b] = self.x.dot(simd, jacobian, b);
-            }
-        }
-        if !branches {
-            return;
-        }
-        let y = self.y.as_ref().unwrap_or(&self.x);
-        for (branch, direction) in self.system.directions.iter().enumerate() {
-            for (solution, count, place) in [(y, p, &mut self.at_outputs), (&self.x, m, &mut self.at_inputs)]
-            {
-                for a in 0..count {
-                    place[branch * count + a] = match direction {
-                        Direction::Coordinate(i) => solution.at(*i, a),
-                        Direction::Dense(b) => solution.dot(simd, b, a),
-                    };
+            for b in 0..if mirrored { a + 1 } else { m } {
+                let response = self.x.dot(simd, jacobian, b);
+                self.h[a * m + b] = response;
+                if mirrored {
+                    self.h[b * m + a] = response;
                 }
             }
+        }
+        if branches {
+            let directions = &self.system.directions;
+            project_on(simd, directions, &self.x, &mut self.at_inputs);
+            if let Some(y) = &self.y {
+                project_on(simd, directions, y, &mut self.at_outputs);
+            }
+        }
+    }
+
+    /// b_rᵀ Y_a, r×p.
+    #[inline(always)]
+    pub(crate) fn at_outputs(&self) -> &[Complex<S>] {
+        if self.y.is_some() { &self.at_outputs } else { &self.at_inputs }
+    }
+}
+
+/// Components of every solution along every direction.
+#[inline(always)]
+fn project_on<S: Simd>(simd: S, directions: &[Direction], x: &Columns<S>, out: &mut [Complex<S>]) {
+    if directions.is_empty() {
+        return;
+    }
+    let count = out.len() / directions.len();
+    for (direction, places) in directions.iter().zip(out.chunks_exact_mut(count)) {
+        for (column, place) in places.iter_mut().enumerate() {
+            *place = match direction {
+                Direction::Coordinate(i) => x.at(*i, column),
+                Direction::Dense(b) => x.dot(simd, b, column),
+            };
         }
     }
 }

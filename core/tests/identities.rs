@@ -147,7 +147,7 @@ fn responses_equal_dense_algebra_for_every_size_symmetry_and_tail() {
             let matrices = [mass.clone(), damping.clone(), stiffness.clone()];
             let system = LinearSystem::new(n, matrices, directions, out.clone(), inp.clone()).unwrap();
             let s = lines(count);
-            let got = responses(&[system], &[springs.to_vec()], &s, false).unwrap().values;
+            let got = responses(&[&system], &[springs.to_vec()], &s, false).unwrap().values;
             for (line, &s) in s.iter().enumerate() {
                 let branches = [(unit.clone(), springs[0]), (dense.clone(), springs[1])];
                 let want = dense_response([&mass, &damping, &stiffness], &branches, &out, &inp, s);
@@ -172,13 +172,13 @@ fn a_vanishing_pivot_is_solved_with_row_exchanges_and_a_resonance_is_refused() {
             .unwrap()
     };
     let s = [C64::new(0.0, 10.0), C64::new(0.0, 11.0)];
-    let got = responses(&[system(stiffness.clone())], &[vec![]], &s, false).unwrap().values;
+    let got = responses(&[&system(stiffness.clone())], &[vec![]], &s, false).unwrap().values;
     for (line, s) in s.into_iter().enumerate() {
         let want = dense_response([&mass, &[0.0; 4], &stiffness], &[], &both, &both, s);
         assert!((got[line] - want[(0, 0)]).norm() < 1e-14);
         assert!((got[2 + line] - want[(0, 1)]).norm() < 1e-14);
     }
-    let error = responses(&[system(vec![100.0, 0.0, 0.0, 300.0])], &[vec![]], &s, false).unwrap_err();
+    let error = responses(&[&system(vec![100.0, 0.0, 0.0, 300.0])], &[vec![]], &s, false).unwrap_err();
     assert_eq!(error, Error::Singular { line: 0 });
 }
 
@@ -186,9 +186,9 @@ fn a_vanishing_pivot_is_solved_with_row_exchanges_and_a_resonance_is_refused() {
 fn the_triangle_is_that_of_all_rows_at_once() {
     let (robot, s) = (kuka(), lines(150));
     let model = system(&robot);
-    let measured = responses(std::slice::from_ref(&model), &[springs(1.0)], &s, false).unwrap().values;
+    let measured = responses(&[&model], &[springs(1.0)], &s, false).unwrap().values;
     let start = springs(0.6);
-    let at = responses(std::slice::from_ref(&model), std::slice::from_ref(&start), &s, true).unwrap();
+    let at = responses(&[&model], std::slice::from_ref(&start), &s, true).unwrap();
     let weights: Vec<f64> = scattered(measured.len(), 7.0).iter().map(|w| w.abs()).collect();
     let free = [0, 3, 8, 9, 17];
     let target = Target::new(model, &s, &measured, &weights).unwrap();

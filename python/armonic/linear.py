@@ -91,7 +91,7 @@ class LinearModel:
             ModelError: M is not positive definite.
         """
         try:
-            return np.linalg.cholesky(self.mass)
+            return np.asarray(np.linalg.cholesky(self.mass), np.float64)
         except np.linalg.LinAlgError:
             raise ModelError(
                 f"{self.robot.name}, posture {self.posture}",

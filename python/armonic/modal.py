@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import numpy as np
 
 from armonic.errors import FrfError
-from armonic.linear import Equilibrium, LinearModel, linearize
+from armonic.linear import Equilibrium, LinearModel, model_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from armonic.robot import Robot
 
     Array: TypeAlias = NDArray[np.float64]
+    Complex: TypeAlias = NDArray[np.complex128]
 
 Stability = Literal["asymptotically stable", "marginal", "unstable"]
 
@@ -41,18 +42,19 @@ class Modes:
         shapes: u by columns, (n, m), rad or m, scaled to uᴴ M u = 1 with uᵀ M u real and positive, which for
             proportional damping are the real mass-normalized shapes; the largest entry has a positive real part.
         participation: share of each coordinate's spring in the elastic energy of a mode, (n, m); columns add up to one
-            minus the share of bushings. It is also 2 ∂ln f / ∂ln k for small damping.
+            minus the share of bushings (of their diagonal stiffness), and are zero for a rigid-body mode. Where springs
+            alone hold the robot (no gravity, no wrench) and damping is small, it is also 2 ∂ln f / ∂ln k.
         stability: "asymptotically stable", "unstable" or "marginal", the three cases of Do et al. 2022, section 3.2.
     """
 
     posture: str
     coordinates: tuple[str, ...]
-    poles: NDArray[np.complex128]
+    poles: Complex
     natural_freq_hz: Array
     damped_freq_hz: Array
     damping_ratio: Array
     oscillatory: NDArray[np.bool_]
-    shapes: NDArray[np.complex128]
+    shapes: Complex
     participation: Array
     stability: Stability
 
@@ -85,44 +87,39 @@ def modes(
 
     Args:
         robot: a robot, or a linear model that is taken as it is.
-        posture: with a robot, a posture's name or joint coordinates.
+        posture: with a robot, a posture's name or joint coordinates; all zero if not given.
         wrench: as in `linearize`.
         frame: as in `linearize`.
         equilibrium: as in `linearize`.
 
     Raises:
-        PostureError: posture, wrench or frame do not fit the robot.
+        PostureError: posture, wrench or frame do not fit the robot, or come with a linear model.
         ModelError: no positive definite mass matrix, no equilibrium, or every coordinate locked.
     """
-    if isinstance(robot, LinearModel):
-        model = robot
-    else:
-        model = linearize(
-            robot, {} if posture is None else posture, wrench=wrench, frame=frame, equilibrium=equilibrium
-        )
+    model = model_of(robot, posture, wrench=wrench, frame=frame, equilibrium=equilibrium)
     n = len(model.coordinates)
     # Mass-normalized coordinates y = Lᵀ u, and time in units of the fastest motion, keep the matrix balanced.
-    left = np.linalg.inv(model.mass_factor)
+    left = np.asarray(np.linalg.inv(model.mass_factor), np.float64)
     stiffness, damping = left @ model.stiffness @ left.T, left @ model.damping @ left.T
     rate = max(float(np.sqrt(np.linalg.norm(stiffness, 2))), float(np.linalg.norm(damping, 2)), 1e-300)
+    # Rounding errors of the mass-normalized stiffness, and of squares of its eigenvalues, stay below this.
+    terms = float(np.linalg.norm(abs(left) @ abs(model.stiffness) @ abs(left.T), 2))
+    noise = 16 * n * float(np.finfo(float).eps) * (rate**2 + terms)
     state = np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness / rate**2, -damping / rate]])
-    values, vectors = np.linalg.eig(state)
-    values = values * rate
-    values[np.abs(values) <= 1e-8 * rate] = 0.0  # rigid-body poles come out as rounding noise around zero
+    eigenvalues, vectors = np.linalg.eig(state)
+    values, y = rate * eigenvalues.astype(np.complex128), vectors[:n].astype(np.complex128)
+    values[_rigid(values, y, damping, noise)] = 0.0
     keep = np.flatnonzero(values.imag >= 0)
     keep = keep[np.lexsort((values[keep].imag, np.abs(values[keep])))]
-    poles = values[keep].astype(np.complex128)
-    shapes = _normalized(vectors[:n, keep].astype(np.complex128), left)
+    poles = values[keep]
+    shapes = _normalized(y[:, keep], left)
     size = np.abs(poles)
+    stored = [k * np.abs(b @ shapes) ** 2 for b, k in zip(model.directions, model.spring, strict=True)]
+    total = sum(stored, start=np.zeros(len(poles)))
     energy = np.zeros((n, len(poles)))
-    for direction, spring in zip(model.directions, model.spring, strict=True):
-        stored = spring * np.abs(direction @ shapes) ** 2
-        if np.count_nonzero(direction) == 1:
-            energy[np.flatnonzero(direction)[0]] += stored
-    total = sum(
-        (k * np.abs(b @ shapes) ** 2 for b, k in zip(model.directions, model.spring, strict=True)),
-        start=np.zeros(len(poles)),
-    )
+    for name, direction, share in zip(model.impedances, model.directions, stored, strict=True):
+        if name.startswith("links."):
+            energy[np.argmax(direction)] += share
     worst = float(values.real.max())
     tolerance = STABILITY_TOLERANCE * float(np.abs(values).max())
     return Modes(
@@ -134,21 +131,28 @@ def modes(
         damping_ratio=np.divide(-poles.real, size, out=np.zeros(len(poles)), where=size > 0),
         oscillatory=poles.imag > 0,
         shapes=shapes,
-        participation=np.divide(energy, total, out=np.zeros_like(energy), where=total > 0),
+        participation=np.divide(energy, total, out=np.zeros_like(energy), where=total > noise),
         stability="unstable" if worst > tolerance else "marginal" if worst >= -tolerance else "asymptotically stable",
     )
 
 
-def _normalized(mass_normal: NDArray[np.complex128], left: Array) -> NDArray[np.complex128]:
+def _rigid(poles: Complex, shapes: Complex, damping: Array, noise: float) -> NDArray[np.bool_]:
+    """Which poles are those of a rigid body: λ² + λ yᴴCy, which is −yᴴKy, is no more than noise."""
+    y = shapes / np.linalg.norm(shapes, axis=0)
+    dissipated = np.abs(np.sum(y.conj() * (damping @ y), axis=0))
+    return np.asarray(np.abs(poles) ** 2 + np.abs(poles) * dissipated <= noise)
+
+
+def _normalized(mass_normal: Complex, left: Array) -> Complex:
     """Shapes u = L⁻ᵀ y with yᴴ y = 1, yᵀ y real and positive, largest entry of u towards positive reals."""
     y = mass_normal / np.linalg.norm(mass_normal, axis=0)
     y = y * np.exp(-0.5j * np.angle(np.sum(y * y, axis=0)))
     u = left.T @ y
     largest = np.take_along_axis(u, np.argmax(np.abs(u), axis=0)[None], axis=0)
-    return u * np.where(largest.real < 0, -1.0, 1.0)
+    return np.asarray(u * np.where(largest.real < 0, -1.0, 1.0))
 
 
-def mac(a: Modes | NDArray[np.complex128], b: Modes | NDArray[np.complex128]) -> Array:
+def mac(a: Modes | Complex, b: Modes | Complex) -> Array:
     """Modal assurance criterion |aᴴ b|² / (aᴴ a · bᴴ b) of every pair of shapes, (m_a, m_b), between 0 and 1.
 
     Args:
@@ -161,9 +165,11 @@ def mac(a: Modes | NDArray[np.complex128], b: Modes | NDArray[np.complex128]) ->
     left, right = (np.asarray(x.shapes if isinstance(x, Modes) else x) for x in (a, b))
     if left.ndim != 2 or right.ndim != 2 or left.shape[0] != right.shape[0]:
         raise FrfError(
-            "mac", found=f"shapes {left.shape} and {right.shape}", expected="columns of one length, (n, m_a) and (n, m_b)"
+            "mac",
+            found=f"shapes {left.shape} and {right.shape}",
+            expected="columns of one length, (n, m_a) and (n, m_b)",
         )
     norms = [np.sum(np.abs(x) ** 2, axis=0) for x in (left, right)]
     if not all(np.isfinite(norm).all() and (norm > 0).all() for norm in norms):
         raise FrfError("mac", found="a shape that is zero or not finite", expected="finite shapes other than zero")
-    return np.abs(left.conj().T @ right) ** 2 / np.outer(*norms)
+    return np.asarray(np.abs(left.conj().T @ right) ** 2 / np.outer(*norms))

@@ -8,7 +8,7 @@ import numpy as np
 
 from armonic import _core
 from armonic.errors import FrfError, ModelError
-from armonic.linear import Equilibrium, LinearModel, linearize
+from armonic.linear import Equilibrium, LinearModel, model_of
 from armonic.response import KINDS, Frf, Kind
 
 if TYPE_CHECKING:
@@ -58,24 +58,17 @@ def frf(
         The responses as an `Frf`, values (L, outputs, inputs).
 
     Raises:
-        PostureError: posture, frame or wrench do not fit the robot.
+        PostureError: posture, frame or wrench do not fit the robot, or come with a linear model.
         FrfError: lines or axes are not valid.
         ModelError: an undamped resonance lies exactly on a line, or the model cannot be built.
     """
-    model = (
-        robot
-        if isinstance(robot, LinearModel)
-        else linearize(
-            robot,
-            {} if posture is None else posture,
-            wrench=wrench,
-            frame=None if wrench is None else frame,
-            equilibrium=equilibrium,
-        )
-    )
-    lines = np.asarray(freq_hz, float)
+    model = model_of(robot, posture, wrench=wrench, frame=None if wrench is None else frame, equilibrium=equilibrium)
     outputs, inputs = tuple(outputs), tuple(inputs)
-    empty = Frf(lines, np.zeros((lines.size, len(outputs), len(inputs))), kind, outputs, inputs, frame)
+    try:
+        lines = np.asarray(freq_hz, float)
+    except (TypeError, ValueError) as error:
+        raise FrfError("freq_hz", found=f"{type(freq_hz).__name__} ({error})", expected="numbers in Hz") from None
+    empty = Frf(lines, np.zeros((lines.size, len(outputs), len(inputs)), complex), kind, outputs, inputs, frame)
     values = responses([model], lines, frame=frame, outputs=outputs, inputs=inputs, input_frame=input_frame)[0]
     omega = 2j * np.pi * empty.freq_hz
     return Frf(lines, values * (omega ** KINDS.index(kind))[:, None, None], kind, outputs, inputs, frame)
@@ -101,8 +94,8 @@ def responses(
         outputs: response axes.
         inputs: force axes.
         input_frame: where the force acts, if elsewhere.
-        spring: stiffness of every impedance, (P, r), in place of the models' own.
-        damper: damping of every impedance, (P, r).
+        spring: stiffness of every impedance, (P, r) or (r,), in place of the models' own.
+        damper: damping of every impedance, likewise.
 
     Returns:
         Receptances H[posture, line, output, input], (P, L, outputs, inputs).
@@ -113,16 +106,17 @@ def responses(
         ModelError: an undamped resonance lies exactly on a line.
     """
     systems = [system(model, frame, tuple(outputs), tuple(inputs), input_frame=input_frame) for model in models]
-    springs = np.array([m.spring for m in models]) if spring is None else np.asarray(spring, float)
-    dampers = np.array([m.damper for m in models]) if damper is None else np.asarray(damper, float)
-    points = 2j * np.pi * np.asarray(freq_hz, float)
     try:
+        springs = np.array([m.spring for m in models]) if spring is None else np.asarray(spring, float)
+        dampers = np.array([m.damper for m in models]) if damper is None else np.asarray(damper, float)
+        springs, dampers = np.broadcast_arrays(np.atleast_2d(springs), np.atleast_2d(dampers))
+        points = 2j * np.pi * np.asarray(freq_hz, float)
         return _core.responses(systems, springs, dampers, points)[0]
     except ArithmeticError as error:
         raise ModelError(
             f"frequency response at {frame}", found=str(error), expected="damping in every mode, or lines beside it"
         ) from None
-    except ValueError as error:
+    except (TypeError, ValueError) as error:
         raise FrfError("responses", found=str(error), expected="arrays that fit the models") from None
 
 

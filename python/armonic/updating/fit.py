@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from armonic import _core
-from armonic.errors import UpdateError
+from armonic.errors import ModelError, UpdateError
 from armonic.linear import LinearModel, linearize
 from armonic.modal import Modes, mac, modes
 from armonic.response import Frf
-from armonic.synthesis import frf, system
-from armonic.updating.measurement import Measurement
+from armonic.synthesis import AXES, frf, system
+from armonic.updating.measurement import Measurement, levelled
 from armonic.updating.parameters import Parameter, choose
 from armonic.updating.solver import Objective, Status, minimize
 from armonic.updating.uncertainty import FittedParameter, judge
@@ -30,6 +30,11 @@ if TYPE_CHECKING:
     Array: TypeAlias = NDArray[np.float64]
 
 
+SMALLEST_TOLERANCE = float(np.finfo(float).eps)
+ROUNDING = 1e-12
+"""A response smaller than this share of the terms it adds up from is zero."""
+
+
 @dataclass(frozen=True, eq=False)
 class Fit:
     """The result of model updating.
@@ -41,7 +46,7 @@ class Fit:
         cost: weighted sum of squared log differences at the end (Huynh et al. 2021, Eq. 22).
         start_cost: the same before.
         cost_history: best cost after each evaluation, (E,).
-        evaluations: how often residual and Jacobian were computed.
+        evaluations: how often residual and Jacobian were computed, in both passes.
         noise: estimated relative noise of the responses (standard deviation of one real part of ln H).
         status: "converged", "limit" or "interrupted".
         message: the solver's own words.
@@ -88,43 +93,51 @@ def update(
     """Fits elastic parameters to measured frequency responses.
 
     Minimizes Σ W |ln H_s − ln H|², the phase difference taken to its principal value (Huynh et al. 2021, Eq. 22), by
-    bounded trust-region least squares on the logarithms of the parameters, with the analytic Jacobian. Ctrl-C ends the
-    run and keeps the best so far.
+    bounded trust-region least squares on the logarithms of the parameters, with the analytic Jacobian. Emphasis on
+    peaks makes it easy to get stuck, so where the weights have any, a first, coarse pass goes without it
+    (`benches/success_rate.py` measures what that is worth). Ctrl-C ends the run and keeps the best so far.
 
     Args:
         robot: start values, and bounds where its file gives them.
         measurements: one or more; all are fitted with one set of parameters.
         parameters: paths, shell patterns or groups: "elasticity", "stiffness", "links.arm.elasticity.*.stiffness", ...
-        bounds: (low, high) by path or pattern, over those of the file; a factor of a thousand either way where neither
-            gives any.
-        tolerance: relative change of cost and step at which the fit has converged.
-        max_evaluations: limit on residual evaluations.
+        bounds: (low, high) by path or pattern, within those of the file; a factor of a thousand either way where
+            neither gives any.
+        tolerance: relative change of cost and step at which the fit has converged, from 2.2e-16 to 1.
+        max_evaluations: limit on residual evaluations, both passes together.
         progress: called with the number of evaluations and the best cost so far.
 
     Raises:
-        UpdateError: parameters, bounds or weights are not valid.
+        UpdateError: parameters, bounds, weights, tolerance or limit are not valid.
         PostureError: a posture or frame does not fit the robot.
-        ModelError: the model has no response at the start.
+        ModelError: the model has no response at the start, or cannot have one that was measured.
     """
     begin = perf_counter()
     measurements = (measurements,) if isinstance(measurements, Measurement) else tuple(measurements)
     if not measurements:
         raise UpdateError("measurements", found="none", expected="at least one")
-    if not (np.isfinite(tolerance) and tolerance > 0) or max_evaluations < 1:
-        raise UpdateError("tolerance, max_evaluations", found=f"{tolerance}, {max_evaluations}", expected="positive")
+    if not SMALLEST_TOLERANCE <= tolerance < 1:
+        raise UpdateError("tolerance", found=f"{tolerance}", expected=f"a number from {SMALLEST_TOLERANCE:.1e} to 1")
+    if not max_evaluations >= 1:
+        raise UpdateError("max_evaluations", found=f"{max_evaluations}", expected="at least 1")
     models = [linearize(robot, m.posture) for m in measurements]
     chosen = choose(robot, models[0].impedances, parameters, bounds)
     weights = [m.line_weights() for m in measurements]
+    for m, model, weight in zip(measurements, models, weights, strict=True):
+        _refuse_absent(m, model, weight)
     free = [p.index for p in chosen]
     theta = np.concatenate([models[0].spring, models[0].damper])
-    objective = Objective(_problem(measurements, models, weights), theta, free, progress)
+    problem = _problem(measurements, models, weights)
+    objective = Objective(problem, theta, free, progress=progress, limit=max_evaluations)
+    even = [levelled(w) for w in weights]
+    emphasis = not all(np.array_equal(a, b) for a, b in zip(weights, even, strict=True))
     run = minimize(
         objective,
         np.array([p.start for p in chosen]),
         np.array([p.lower for p in chosen]),
         np.array([p.upper for p in chosen]),
         tolerance=tolerance,
-        max_evaluations=max_evaluations,
+        levelled=_problem(measurements, models, even) if emphasis else None,
     )
     updated = robot.with_values({p.path: float(v) for p, v in zip(chosen, run.values, strict=True)})
     fitted, noise = _judged(measurements, models, weights, objective, chosen, run.values)
@@ -156,6 +169,34 @@ def update(
         frf_after=frf_after,
         duration_s=perf_counter() - begin,
     )
+
+
+def _refuse_absent(m: Measurement, model: LinearModel, weight: Array) -> None:
+    """Raises a ModelError for a response that the model cannot have, as across the plane of a planar robot.
+
+    It comes out as zero, or as what rounding leaves of it, whatever the parameters; its logarithm means nothing.
+    """
+    J = model.jacobian(m.frame)
+    reach = np.repeat(np.abs(J).reshape(2, 3, -1).max(axis=1), 3, axis=0)
+    rows, columns = ([AXES.index(axis) for axis in axes] for axes in (m.frf.outputs, m.frf.inputs))
+    used = np.flatnonzero((weight > 0).any(axis=(1, 2)))
+    s = 2j * np.pi * m.frf.freq_hz[used[[0, len(used) // 2, -1]], None, None]
+    try:
+        X = np.linalg.inv(s**2 * model.mass + s * model.damping + model.stiffness)
+    except np.linalg.LinAlgError:
+        return
+    size = np.abs(J[rows] @ X @ J[columns].T)
+    scale = reach[rows] @ np.abs(X) @ reach[columns].T
+    absent = (size <= ROUNDING * scale).all(axis=0) & (weight > 0).any(axis=0)
+    if absent.any():
+        a, b = (int(i) for i in np.argwhere(absent)[0])
+        out, into = m.frf.outputs[a], m.frf.inputs[b]
+        raise ModelError(
+            f"{m.label}: H_{out}{into}",
+            found="a measured response that is zero in the model, whatever its parameters",
+            expected=f"a model that moves along {out} under a load along {into}",
+            hint="Leave it out with frf.select(...), give it weight zero, or add the elasticity that it comes from.",
+        )
 
 
 def _problem(

@@ -72,7 +72,7 @@ class Measurement:
                 )
             weights = peak_weights(H) if self.weights == "peaks" else np.ones(H.values.shape)
         else:
-            weights = self._given_weights(np.asarray(self.weights, float))
+            weights = self._given_weights()
         if H.freq_hz[0] == 0 and H.kind != "receptance":
             weights[0] = 0.0
         zero = (H.values == 0) & (weights > 0)
@@ -85,11 +85,23 @@ class Measurement:
                 hint="Give that line the weight zero, or leave that response out with frf.select(...).",
             )
         if not (weights > 0).any():
-            raise UpdateError(f"{self.label}: weights", found="zero everywhere", expected="at least one positive weight")
+            raise UpdateError(
+                f"{self.label}: weights", found="zero everywhere", expected="at least one positive weight"
+            )
         return weights
 
-    def _given_weights(self, weights: Array) -> Array:
+    def _given_weights(self) -> Array:
         shape = self.frf.values.shape
+        try:
+            weights = np.array(self.weights, dtype=np.float64) if np.isrealobj(self.weights) else None
+        except (TypeError, ValueError):
+            weights = None
+        if weights is None:
+            raise UpdateError(
+                f"{self.label}: weights",
+                found=f"a {type(self.weights).__name__} of something else",
+                expected='"peaks", "uniform" or numbers',
+            )
         if weights.shape == shape[:1]:
             weights = np.broadcast_to(weights[:, None, None], shape)
         if weights.shape != shape:
@@ -101,6 +113,14 @@ class Measurement:
                 f"{self.label}: weights", found="a negative or non-finite number", expected="numbers of zero or more"
             )
         return weights.copy()
+
+
+def levelled(weights: Array) -> Array:
+    """Weights without emphasis, (L, outputs, inputs): no value counts more than the lower quartile of those that count.
+
+    Peak weights become equal ones; lines that were given a low weight, because they are known to be bad, keep it.
+    """
+    return np.minimum(weights, np.quantile(weights[weights > 0], 0.25, method="lower"))
 
 
 def peak_weights(

@@ -50,10 +50,11 @@ def choose(
         robot: holds the start values, and bounds where its file gives them.
         impedances: names of the model's spring-dampers.
         patterns: paths, shell patterns or groups ("elasticity", "stiffness", "damping").
-        bounds: (low, high) by path or pattern; these win over the file's, later ones over earlier ones.
+        bounds: (low, high) by path or pattern, within the file's; later ones win over earlier ones.
 
     Raises:
-        UpdateError: nothing matches, a start is zero, or bounds are not positive, not ordered or exclude the start.
+        UpdateError: nothing matches, a start is zero, or bounds are not positive, not ordered, beyond those of the file
+            or exclude the start.
     """
     starts = robot.parameters(patterns)
     given: dict[str, Sequence[float]] = {}
@@ -68,29 +69,40 @@ def choose(
                 expected="a positive value, since its logarithm is fitted",
                 hint="Give it a small positive start, or leave it out of `parameters`.",
             )
-        stated = given.get(path, robot.bounds(path))
-        lower, upper = _checked(path, start, stated) if stated is not None else (start / DEFAULT_SPAN, start * DEFAULT_SPAN)
+        of_file = robot.bounds(path)
+        lower, upper = of_file or (start / DEFAULT_SPAN, start * DEFAULT_SPAN)
+        if path in given:
+            lower, upper = _checked(path, given[path], of_file)
+        if not lower <= start <= upper:
+            raise UpdateError(
+                f"bounds of {path}",
+                found=f"[{lower:g}, {upper:g}], which exclude the start {start:g}",
+                expected="bounds around the start",
+                hint="Move the start in the robot file, or widen the bounds.",
+            )
         chosen.append(Parameter(path, robot.unit(path), start, lower, upper, _index(path, impedances)))
     return tuple(chosen)
 
 
-def _checked(path: str, start: float, pair: Sequence[float]) -> tuple[float, float]:
-    values = np.asarray(pair, float)
-    if values.shape != (2,) or not np.isfinite(values).all() or not 0 < values[0] < values[1]:
-        raise UpdateError(f"bounds of {path}", found=str(list(pair)), expected="two positive numbers, low < high")
-    lower, upper = (float(v) for v in values)
-    if not lower <= start <= upper:
+def _checked(path: str, pair: Sequence[float], of_file: tuple[float, float] | None) -> tuple[float, float]:
+    try:
+        lower, upper = (float(v) for v in pair)
+    except (TypeError, ValueError):
+        lower, upper = np.nan, np.nan
+    if not 0 < lower < upper < np.inf:
+        raise UpdateError(f"bounds of {path}", found=repr(pair), expected="two positive numbers, low < high")
+    if of_file is not None and not of_file[0] <= lower < upper <= of_file[1]:
         raise UpdateError(
             f"bounds of {path}",
-            found=f"[{lower:g}, {upper:g}], which exclude the start {start:g}",
-            expected="bounds around the start",
-            hint="Move the start in the robot file, or widen the bounds.",
+            found=f"[{lower:g}, {upper:g}]",
+            expected=f"bounds within those of the robot file, [{of_file[0]:g}, {of_file[1]:g}]",
+            hint="Widen them in the robot file: the updated robot must be valid there.",
         )
     return lower, upper
 
 
 def _index(path: str, impedances: tuple[str, ...]) -> int:
-    """links.L.elasticity.A.stiffness belongs to impedance links.L.elasticity.A, bushings.B.damping.x to bushings.B.x."""
+    """links.L.elasticity.A.stiffness belongs to links.L.elasticity.A, bushings.B.damping.x to bushings.B.x."""
     parts = path.split(".")
     quantity = parts.pop(-1 if parts[0] == "links" else -2)
     return impedances.index(".".join(parts)) + (len(impedances) if quantity == "damping" else 0)

@@ -1,4 +1,4 @@
-"""One least-squares run on the logarithms of the parameters, fed by the core's small triangle."""
+"""Bounded least squares on the logarithms of the parameters, fed by the core's small triangle, in two passes."""
 
 from __future__ import annotations
 
@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
 Status = Literal["converged", "limit", "interrupted"]
 
+FIRST_TOLERANCE = 1e-5
+"""How far the pass under levelled weights goes: near enough for the peaks to lie over each other, and no further."""
+
 
 @dataclass(frozen=True)
 class Run:
@@ -41,6 +44,10 @@ class Run:
     message: str
 
 
+class EvaluationsUsedUpError(Exception):
+    """No evaluation is left."""
+
+
 class Objective:
     """The cost of a parameter set: values of the free parameters in, the triangle of [J r] out, the best remembered."""
 
@@ -49,48 +56,77 @@ class Objective:
         problem: _core.Problem,
         theta: Array,
         free: list[int],
+        *,
         progress: Callable[[int, float], None] | None = None,
+        limit: int = 1000,
     ) -> None:
         """`theta` holds all stiffnesses, then all dampings; `free` says which of them change."""
-        self.problem, self.theta, self.free, self.progress = problem, theta, free, progress
-        self.best = (np.inf, theta[free])
+        self.problem, self.theta, self.free, self.progress, self.limit = problem, theta, free, progress, limit
+        self.best = (np.inf, np.log(theta[free]))
         self.history: list[float] = []
-        self._last: tuple[Array, Array] | None = None
+        self._last: tuple[_core.Problem, Array, Array] | None = None
 
-    def triangle(self, values: Array) -> Array:
+    def triangle(self, values: Array, problem: _core.Problem | None = None) -> Array:
         """Upper triangle R of [J r], (c+1, c+1), J by the logarithms of the free parameters.
+
+        Args:
+            values: of the free parameters, (c,).
+            problem: another residual than the one whose cost counts.
 
         Raises:
             ArithmeticError: the response is zero or infinite there.
         """
-        theta = self.theta.copy()
-        theta[self.free] = values
-        stiffness, damping = theta.reshape(2, 1, -1)
-        return self.problem.reduce(stiffness, damping, self.free)
+        return (problem or self.problem).reduce(*self._impedances(values), self.free)
 
-    def __call__(self, logarithms: Array) -> Array:
-        """The triangle, remembered until the next point; infinite where the model has no answer."""
-        if self._last is not None and np.array_equal(self._last[0], logarithms):
-            return self._last[1]
+    def evaluate(self, logarithms: Array, problem: _core.Problem) -> Array:
+        """The triangle of a problem, remembered until the next point; infinite where the model has no answer.
+
+        What counts as the best, and what the history holds, is the cost of `self.problem` in any case.
+
+        Raises:
+            EvaluationsUsedUpError: no evaluation is left.
+        """
+        if self._last is not None and self._last[0] is problem and np.array_equal(self._last[1], logarithms):
+            return self._last[2]
+        if len(self.history) >= self.limit:
+            raise EvaluationsUsedUpError
         values = np.exp(logarithms)
         try:
-            triangle = self.triangle(values)
+            triangle = self.triangle(values, problem)
+            own = problem is self.problem
+            cost = float(np.sum(triangle[:, -1] ** 2) if own else self.problem.costs(*self._impedances(values))[0])
         except ArithmeticError:
-            triangle = np.full((len(values) + 1,) * 2, np.inf)
-        cost = float(np.sum(triangle[:, -1] ** 2))
+            triangle, cost = np.full((len(values) + 1,) * 2, np.inf), np.inf
         if cost < self.best[0]:
-            self.best = (cost, values)
+            self.best = (cost, logarithms.copy())
         self.history.append(self.best[0])
-        self._last = (logarithms.copy(), triangle)
+        self._last = (problem, logarithms.copy(), triangle)
         if self.progress is not None:
             self.progress(len(self.history), self.best[0])
         return triangle
 
+    def _impedances(self, values: Array) -> tuple[Array, Array]:
+        theta = self.theta.copy()
+        theta[self.free] = values
+        stiffness, damping = theta.reshape(2, 1, -1)
+        return stiffness, damping
+
 
 def minimize(
-    objective: Objective, start: Array, lower: Array, upper: Array, *, tolerance: float, max_evaluations: int
+    objective: Objective,
+    start: Array,
+    lower: Array,
+    upper: Array,
+    *,
+    tolerance: float,
+    levelled: _core.Problem | None = None,
 ) -> Run:
     """Bounded trust-region least squares (SciPy) on the logarithms; Ctrl-C keeps the best so far.
+
+    High weights on the lines around measured peaks make hills between the peaks of the model and those of the
+    measurement, and a run that starts among them gets stuck. So a first, coarse pass minimizes the `levelled` problem,
+    and the run proper starts where that ends. Should a point on the way have been better than its end, it goes on from
+    there.
 
     Args:
         objective: the cost.
@@ -98,30 +134,51 @@ def minimize(
         lower: bounds, (c,).
         upper: bounds, (c,).
         tolerance: relative change of cost and step at which the run has converged.
-        max_evaluations: limit.
+        levelled: the same residuals without emphasis, if the objective has any.
 
     Raises:
         ModelError: the model has no answer at the start.
     """
-    status: Status = "interrupted"
-    message = "stopped by the user"
-    try:
-        if not np.isfinite(objective(np.log(start))).all():
-            raise ModelError("update", found="a response that is zero or infinite at the start", expected="another start")
+    box = (np.log(lower), np.log(upper))
+
+    def descend(problem: _core.Problem, x: Array, tolerance: float) -> tuple[Array, float, str]:
+        def residual(x: Array) -> Array:
+            return objective.evaluate(x, problem)[:, -1]
+
+        def jacobian(x: Array) -> Array:
+            return objective.evaluate(x, problem)[:, :-1]
+
         solution = least_squares(
-            lambda x: objective(x)[:, -1],
-            np.log(start),
-            jac=lambda x: objective(x)[:, :-1],
-            bounds=(np.log(lower), np.log(upper)),
+            residual,
+            x,
+            jac=jacobian,
+            bounds=box,
             xtol=tolerance,
             ftol=tolerance,
             gtol=tolerance,
-            max_nfev=max_evaluations,
+            max_nfev=objective.limit + 2,  # out of reach: the objective counts, over all passes
         )
-        status = "converged" if solution.status > 0 else "limit"
-        message = str(solution.message)
+        return solution.x, 2 * float(solution.cost), str(solution.message)
+
+    status: Status = "interrupted"
+    message = "stopped by the user"
+    x = np.log(start)
+    try:
+        if not np.isfinite(objective.evaluate(x, objective.problem)).all():
+            raise ModelError(
+                "update", found="a response that is zero or infinite at the start", expected="another start"
+            )
+        if levelled is not None:
+            x, _, _ = descend(levelled, x, max(tolerance, FIRST_TOLERANCE))
+        _, cost, message = descend(objective.problem, x, tolerance)
+        best, x = objective.best
+        if best < (1 - tolerance) * cost:
+            _, _, message = descend(objective.problem, x, tolerance)
+        status = "converged"
+    except EvaluationsUsedUpError:
+        status, message = "limit", f"stopped after {objective.limit} evaluations"
     except KeyboardInterrupt:
         if not objective.history:
             raise
-    cost, values = objective.best
-    return Run(np.clip(values, lower, upper), cost, np.array(objective.history), status, message)
+    cost, x = objective.best
+    return Run(np.clip(np.exp(x), lower, upper), cost, np.array(objective.history), status, message)

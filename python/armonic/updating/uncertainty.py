@@ -24,7 +24,8 @@ WEAK_FACTOR = 3.0
 OPEN = np.log(1e6)
 """An interval wider than this says nothing and is given as (0, inf)."""
 NULL_DIRECTION = 1e-9
-"""Singular values below this share of the largest belong to directions that the data do not see at all."""
+"""Singular values, and whole columns, below this share of the largest are what rounding leaves of a direction that the
+data do not see at all."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,8 @@ class FittedParameter:
         lower: lower bound.
         upper: upper bound.
         interval: 95 % interval (low, high); (0, inf) where the data say nothing.
-        verdict: "identified" (interval within 25 %), "weak" (within a factor of three), "not identifiable", or "at bound".
+        verdict: "identified" (interval within 25 %), "weak" (within a factor of three), "not identifiable", or "at
+            bound".
     """
 
     path: str
@@ -74,8 +76,8 @@ def judge(
     upper = np.array([p.upper for p in parameters])
     touching = [np.log(values / lower) < 1e-3, np.log(upper / values) < 1e-3]
     bound = (touching[0] & (gradient >= 0)) | (touching[1] & (gradient <= 0))
-    spread = _standard_deviations(weighted[:, :-1], squared[:, :-1]) * noise
-    reach = float(stdtrit(max(freedom, 1), 0.975)) * spread
+    spread = _standard_deviations(weighted[:, :-1], squared[:, :-1])
+    reach = np.where(np.isinf(spread), np.inf, spread * noise * float(stdtrit(max(freedom, 1), 0.975)))
 
     def one(i: int) -> FittedParameter:
         p, value, half = parameters[i], float(values[i]), float(reach[i])
@@ -97,7 +99,7 @@ def judge(
 def _standard_deviations(weighted: Array, squared: Array) -> Array:
     """Square roots of diag(A⁺ B A⁺) for A = WᵀW, B = SᵀS; infinite along directions that A does not see."""
     scale = np.linalg.norm(weighted, axis=0)
-    seen = scale > 0
+    seen = scale > NULL_DIRECTION * scale.max()
     out = np.full(weighted.shape[1], np.inf)
     if not seen.any():
         return out
