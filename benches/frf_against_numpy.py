@@ -13,11 +13,11 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "RAYON_NUM_THREADS")
     os.environ[variable] = "1"  # before NumPy loads its threads
 
 import numpy as np
-from timing import interleaved
 
 import armonic as am
 from armonic import _core
 from armonic.synthesis import system
+from timing import interleaved
 
 LINES_HZ = 0.2 * np.arange(1, 153)
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from armonic import catalog
-from armonic.document import MAX_DEPTH
+from armonic.description.document import MAX_DEPTH
 
 START = Path(catalog.__file__).parent.parent / "examples" / "kuka_start.yaml"
 

@@ -13,10 +13,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from armonic import catalog
-from armonic.document import MAX_BYTES, Document
+from armonic.description.document import MAX_BYTES, Document
+from armonic.description.units import LARGEST
 from armonic.errors import ArmonicError, RobotFileError
 from armonic.robot import Robot, load
-from armonic.units import LARGEST
 from robot_files import GOOD, SCHEMA_FAULTS, YAML_FAULTS
 
 

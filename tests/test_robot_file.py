@@ -10,11 +10,11 @@ import pytest
 
 from armonic import catalog
 from armonic.checks import check
-from armonic.document import Document
+from armonic.description.document import Document
+from armonic.description.reading import read_description
+from armonic.description.tree import Tree, compile_tree
 from armonic.errors import PostureError
-from armonic.reading import read_description
 from armonic.robot import Robot, load
-from armonic.tree import Tree, compile_tree
 from published import HUYNH_3R, KUKA_KR90
 from robot_files import MINIMAL, START, ZOO
 

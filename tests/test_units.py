@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from armonic.description.units import UNITS, quantity
 from armonic.errors import RobotFileError
-from armonic.units import UNITS, quantity
 
 
 @pytest.mark.parametrize(

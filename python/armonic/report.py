@@ -17,7 +17,7 @@ from scipy.optimize import linear_sum_assignment
 
 import armonic
 from armonic import plots, text
-from armonic.document import write_text
+from armonic.description.document import write_text
 from armonic.modal import mac
 from armonic.updating.uncertainty import IDENTIFIED_FACTOR, WEAK_FACTOR
 

@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armonic import catalog
-from armonic.document import Document, is_file, read_text, write_text
+from armonic.description.document import Document, is_file, read_text, write_text
+from armonic.description.reading import did_you_mean, listed, read_description
+from armonic.description.schema import RobotDescription
+from armonic.description.tree import Array, Bushing, Tree, compile_tree
+from armonic.description.units import number, shown, si_unit
+from armonic.description.values import Parameter, list_parameters, select, unknown_path, write
 from armonic.errors import PostureError, RobotFileError
-from armonic.reading import did_you_mean, listed, read_description
-from armonic.schema import RobotDescription
-from armonic.tree import Array, Bushing, Tree, compile_tree
-from armonic.units import number, shown, si_unit
-from armonic.values import Parameter, list_parameters, select, unknown_path, write
 
 if TYPE_CHECKING:
     from armonic._core import Mechanism

@@ -27,7 +27,7 @@ def demo(
     """
     from armonic import examples
     from armonic.cli.fitting import ended, run
-    from armonic.document import write_text
+    from armonic.description.document import write_text
     from armonic.files import read_frf
     from armonic.robot import load
     from armonic.updating import Measurement

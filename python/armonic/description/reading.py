@@ -9,11 +9,11 @@ from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from armonic.document import Document, Location
+from armonic.description.document import Document, Location
+from armonic.description.fields import FieldError, Found, measured
+from armonic.description.schema import Link, RobotDescription
+from armonic.description.units import shown
 from armonic.errors import RobotFileError
-from armonic.fields import FieldError, Found, measured
-from armonic.schema import Link, RobotDescription
-from armonic.units import shown
 
 
 def read_description(document: Document) -> RobotDescription:

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import PlainValidator
 
-from armonic.document import Location
+from armonic.description.document import Location
+from armonic.description.units import Dimension, number, shown
 from armonic.errors import ArmonicError, RobotFileError
-from armonic.units import Dimension, number, shown
 
 Vector3 = tuple[float, float, float]
 Matrix6 = tuple[tuple[float, ...], ...]

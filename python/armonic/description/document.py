@@ -24,8 +24,8 @@ from ruamel.yaml.events import (
     ScalarEvent,
 )
 
+from armonic.description.units import shown
 from armonic.errors import DataFileError, RobotFileError
-from armonic.units import shown
 
 MAX_BYTES: Final = 1 << 20
 MAX_DEPTH: Final = 16

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from armonic.reading import joint_values, links_in_order, moving_links
-from armonic.schema import Coordinate, Link, Motion, RobotDescription
+from armonic.description.reading import joint_values, links_in_order, moving_links
+from armonic.description.schema import Coordinate, Link, Motion, RobotDescription
 
 Array = NDArray[np.float64]
 

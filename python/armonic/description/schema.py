@@ -16,8 +16,8 @@ from pydantic import (
     model_validator,
 )
 
-from armonic.document import Location
-from armonic.fields import (
+from armonic.description.document import Location
+from armonic.description.fields import (
     DIRECTIONS,
     MOVES,
     TURNS,
@@ -34,7 +34,7 @@ from armonic.fields import (
     measured,
     vector,
 )
-from armonic.units import Dimension, shown
+from armonic.description.units import Dimension, shown
 
 Length = Annotated[float, measure("length")]
 Angle = Annotated[float, measure("angle")]

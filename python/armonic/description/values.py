@@ -12,12 +12,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from armonic.document import Document, Location, Node
+from armonic.description.document import Document, Location, Node
+from armonic.description.fields import DIRECTIONS
+from armonic.description.reading import did_you_mean
+from armonic.description.schema import BushingEntry, Link, RobotDescription
+from armonic.description.units import Dimension, number
 from armonic.errors import RobotFileError, UpdateError
-from armonic.fields import DIRECTIONS
-from armonic.reading import did_you_mean
-from armonic.schema import BushingEntry, Link, RobotDescription
-from armonic.units import Dimension, number
 
 GROUPS: Final = ("elasticity", "stiffness", "damping")
 """Words that stand for many parameters: all, and those of one kind."""
