@@ -161,7 +161,7 @@ def test_at_low_frequency_the_response_tends_to_the_static_compliance():
 
 
 def test_at_high_frequency_the_accelerance_tends_to_the_inverse_mass():
-    robot = kuka().with_values({path: 0.0 for path in kuka().parameters("damping")})
+    robot = kuka().with_values(dict.fromkeys(kuka().parameters("damping"), 0.0))
     model = am.linearize(robot, "milling")
     rows = rows_of(model, "sensor")
     free = rows @ np.linalg.solve(model.mass, rows.T)
@@ -220,7 +220,7 @@ def test_the_modes_add_up_to_the_response(name):
 
 
 def undamped_pair(detuning: float) -> tuple[am.Robot, float]:
-    """Two slides in a row and a frequency at which the first diagonal entry of Z, k1 - ω² (m1 + m2), all but cancels."""
+    """Two slides in a row, and a frequency at which the first entry of Z, k1 - ω² (m1 + m2), all but cancels."""
     m1, m2, k1, k2 = 3.0, 2.0, 7e4, 5e4
     return slides([m1, m2], [spring(k1), spring(k2)]), np.sqrt(k1 / (m1 + m2)) * (1 + detuning) / (2 * np.pi)
 
@@ -299,7 +299,7 @@ def test_an_unknown_axis_is_refused_by_name(side, axes):
 
 @pytest.mark.parametrize("frames", [{"frame": "senser"}, {"frame": "sensor", "input_frame": "senser"}])
 def test_an_unknown_frame_is_refused_with_the_nearest_one(frames):
-    with pytest.raises(PostureError, match="'senser'.*sensor"):
+    with pytest.raises(PostureError, match=r"'senser'.*sensor"):
         am.frf(kuka(), "milling", FREQ_HZ, **frames)
 
 

@@ -268,7 +268,7 @@ def test_a_bad_number_is_refused(field: str, value: float, message: str) -> None
     ],
 )
 def test_arrays_that_do_not_fit_are_refused(s: Complex, measured: Complex, weights: Array) -> None:
-    with pytest.raises(ValueError, match="needed|expected"):
+    with pytest.raises(ValueError, match=r"needed|expected"):
         _core.Problem([(case(16).target[0], s, measured, weights)])
 
 
@@ -286,7 +286,7 @@ def test_parameters_that_are_not_there_are_refused() -> None:
         problem.reduce(spring, damper, [8])
     with pytest.raises(ValueError, match="stiffness"):
         problem.reduce(np.vstack([spring, spring]), np.vstack([damper, damper]), [0])
-    with pytest.raises(ValueError, match="shape|length|needed|expected"):
+    with pytest.raises(ValueError, match=r"shape|length|needed|expected"):
         problem.reduce(spring[:, :3], damper[:, :3], [0])
     with pytest.raises(ValueError, match="finite"):
         problem.reduce(spring * np.nan, damper, [0])

@@ -131,7 +131,7 @@ def linearize(
         ModelError: every coordinate is locked, or there is no stable static equilibrium.
     """
     q = robot.posture(posture)
-    label = posture if isinstance(posture, str) else np.array2string(q, precision=4, separator=", ")
+    label = posture if isinstance(posture, str) else _label(robot, q)
     rates = _rates(robot, "velocity", velocity), _rates(robot, "acceleration", acceleration)
     keep = np.flatnonzero(robot.flexible)
     if keep.size == 0:
@@ -220,6 +220,12 @@ def _rates(robot: Robot, where: str, values: ArrayLike | None) -> Array:
         return given
     rates[[robot.coordinates.index(name) for name in robot.joint_coordinates]] = given
     return rates
+
+
+def _label(robot: Robot, q: Array) -> str:
+    """A posture without a name: its joint coordinates, and of the virtual ones those that are not zero."""
+    shown = [i for i, name in enumerate(robot.coordinates) if name in robot.joint_coordinates or q[i] != 0]
+    return ", ".join(f"{robot.coordinates[i]} = {q[i]:.4g}" for i in shown)
 
 
 def _wrenches(robot: Robot, wrench: ArrayLike | None, frame: str | None) -> list[tuple[int, list[float]]]:
