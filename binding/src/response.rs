@@ -3,6 +3,7 @@
 use crate::convert::{array, numbers, raise};
 use armonic_core::frf;
 use armonic_core::impedance::{Direction, SpringDamper};
+use armonic_core::system;
 use nalgebra::Complex;
 use numpy::{PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
@@ -14,7 +15,7 @@ type ComplexArray<'py> = Bound<'py, PyArrayDyn<Complex<f64>>>;
 /// Matrices of one posture without their impedances, immutable.
 #[pyclass(frozen, module = "armonic._core")]
 pub struct LinearSystem {
-    pub inner: frf::LinearSystem,
+    pub inner: system::LinearSystem,
 }
 
 #[pymethods]
@@ -42,7 +43,7 @@ impl LinearSystem {
         let directions = directions.chunks_exact(n.max(1)).map(direction).collect();
         let outputs = numbers("outputs", &outputs, &rows)?;
         let inputs = numbers("inputs", &inputs, &rows)?;
-        let inner = frf::LinearSystem::new(n, matrices, directions, outputs, inputs).map_err(raise)?;
+        let inner = system::LinearSystem::new(n, matrices, directions, outputs, inputs).map_err(raise)?;
         Ok(Self { inner })
     }
 }

@@ -41,16 +41,10 @@ impl SpringDamper {
         Complex { re: k.add_mul(simd, s.re, d), im: s.im.mul(simd, d) }
     }
 
-    /// ∂z/∂k = 1 and ∂z/∂d = s, times the parameters themselves where `relative` (that is ∂z/∂ln k, ∂z/∂ln d).
+    /// ∂z/∂ln k = k and ∂z/∂ln d = s d at each lane's s.
     #[inline(always)]
-    pub fn gradient<S: Simd>(
-        &self,
-        simd: S,
-        s: Complex<S>,
-        relative: bool,
-    ) -> [Complex<S>; Self::PARAMETERS] {
-        let (k, d) = if relative { (self.stiffness, self.damping) } else { (1.0, 1.0) };
-        [Complex::splat(simd, k), s.scale(simd, Real::splat(simd, d))]
+    pub fn log_gradient<S: Simd>(&self, simd: S, s: Complex<S>) -> [Complex<S>; Self::PARAMETERS] {
+        [Complex::splat(simd, self.stiffness), s.scale(simd, Real::splat(simd, self.damping))]
     }
 }
 

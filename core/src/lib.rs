@@ -16,6 +16,7 @@ pub mod mechanism;
 pub mod residual;
 mod solver;
 pub mod spatial;
+pub mod system;
 
 pub use error::Error;
 

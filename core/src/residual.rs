@@ -4,11 +4,11 @@
 //! its principal value. Each block of rows is folded into an upper triangle R by Householder reflections as soon as it is
 //! computed, so RᵀR = [J r]ᵀ[J r] without the thousands of rows ever standing side by side.
 
-use crate::frf::LinearSystem;
 use crate::impedance::SpringDamper;
 use crate::lanes::{REGISTERS, Real, lanes};
 use crate::mechanism::finite;
 use crate::solver::{Solver, load};
+use crate::system::LinearSystem;
 use crate::{Error, Result};
 use nalgebra::Complex as C64;
 use pulp::{Arch, Simd, WithSimd, bytemuck};
@@ -286,7 +286,7 @@ impl WithSimd for Task<'_> {
                     let scale = h.inverse(simd).scale(simd, weight.neg(simd));
                     for (column, &parameter) in self.free.iter().enumerate() {
                         let (kind, branch) = (parameter / r, parameter % r);
-                        let gradient = self.impedances[branch].gradient(simd, s, true)[kind];
+                        let gradient = self.impedances[branch].log_gradient(simd, s)[kind];
                         let y = solver.at_outputs()[branch * p + a];
                         let x = solver.at_inputs[branch * m + b];
                         let value = y.mul(simd, x).mul(simd, gradient.mul(simd, scale));

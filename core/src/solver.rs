@@ -4,15 +4,19 @@
 //! system that is not symmetric, is solved by Gauss elimination with row exchanges.
 
 use crate::columns::Columns;
-use crate::frf::{LinearSystem, Slot};
 use crate::impedance::{Direction, SpringDamper};
 use crate::lanes::{self, Complex, REGISTERS, Real, SIDE_BY_SIDE, lanes, row};
+use crate::system::LinearSystem;
 use crate::{Error, Result};
 use nalgebra::Complex as C64;
 use pulp::{Simd, bytemuck};
+use std::mem::MaybeUninit;
 
 /// A pivot whose size fell below this share of the terms that made it has lost six digits: that lane is solved again.
 const PIVOT_FLOOR: f64 = 1e-6;
+
+/// Results are hundreds of kilobytes that are written once: zeroing them first would cost as much as computing them.
+pub(crate) type Slot = MaybeUninit<C64<f64>>;
 
 /// Loads [`lanes`] complex numbers from `start`; past the end the last one is repeated.
 ///

@@ -4,10 +4,11 @@ mod problems;
 
 use armonic_core::bushing::{self, Bushing};
 use armonic_core::dynamics::{self, FrameWrench, Workspace};
-use armonic_core::frf::{LinearSystem, responses};
+use armonic_core::frf::responses;
 use armonic_core::impedance::{Direction, SpringDamper};
 use armonic_core::linearize::{OperatingPoint, Tangent, linearize};
 use armonic_core::residual::{Problem, Target};
+use armonic_core::system::LinearSystem;
 use armonic_core::{Error, spatial::Transform};
 use nalgebra::{Complex, DMatrix, DVector, Matrix6, Vector3};
 use problems::{kuka, milling, springs, system};

@@ -42,7 +42,7 @@ class LinearModel:
         damping: C with joint dampers and gyroscopic terms, (n, n).
         stiffness: K with joint springs, gravity, wrench and bushings, (n, n).
         free_damping: C without the impedances below, (n, n).
-        free_stiffness: K without the impedances below, (n, n).
+        free_stiffness: K without the impedances below, (n, n): gravity, wrench, motion and the load of bushings.
         impedances: names of the r spring-dampers, as paths into the description.
         directions: coordinate-space direction of each spring-damper, (r, n).
         spring: their stiffness, (r,).

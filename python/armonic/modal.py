@@ -101,7 +101,7 @@ def modes(
     # Mass-normalized coordinates y = Lᵀ u, and time in units of the fastest motion, keep the matrix balanced.
     left = np.asarray(np.linalg.inv(model.mass_factor), np.float64)
     stiffness, damping = left @ model.stiffness @ left.T, left @ model.damping @ left.T
-    rate = max(float(np.sqrt(np.linalg.norm(stiffness, 2))), float(np.linalg.norm(damping, 2)), 1e-300)
+    rate = max(float(np.sqrt(np.linalg.norm(stiffness, 2))), float(np.linalg.norm(damping, 2))) or 1.0
     # Rounding errors of the mass-normalized stiffness, and of squares of its eigenvalues, stay below this.
     terms = float(np.linalg.norm(abs(left) @ abs(model.stiffness) @ abs(left.T), 2))
     noise = 16 * n * float(np.finfo(float).eps) * (rate**2 + terms)

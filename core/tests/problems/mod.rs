@@ -1,11 +1,12 @@
 //! Reference problems that tests and benchmarks share.
 
 use armonic_core::dynamics::{self, Workspace};
-use armonic_core::frf::LinearSystem;
+
 use armonic_core::impedance::{Direction, SpringDamper};
 use armonic_core::linearize::{OperatingPoint, Tangent, linearize};
 use armonic_core::mechanism::{Frame, Mechanism, Motion, Node};
 use armonic_core::spatial::{Inertia, Transform, rotation};
+use armonic_core::system::LinearSystem;
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::FRAC_PI_2;
 

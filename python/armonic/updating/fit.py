@@ -123,6 +123,7 @@ def update(
     models = [linearize(robot, m.posture) for m in measurements]
     chosen = choose(robot, models[0].impedances, parameters, bounds)
     weights = [m.line_weights() for m in measurements]
+    frf_before = tuple(_like(m.frf, model, m.frame) for m, model in zip(measurements, models, strict=True))
     for m, model, weight in zip(measurements, models, weights, strict=True):
         _refuse_absent(m, model, weight)
     free = [p.index for p in chosen]
@@ -145,10 +146,7 @@ def update(
     first = {model.posture: i for i, model in reversed(list(enumerate(models)))}
     order = sorted(first.values())
     modes_before, modes_after = (tuple(modes(side[i]) for i in order) for side in (models, after))
-    frf_before, frf_after = (
-        tuple(_like(m.frf, model, m.frame) for m, model in zip(measurements, side, strict=True))
-        for side in (models, after)
-    )
+    frf_after = tuple(_like(m.frf, model, m.frame) for m, model in zip(measurements, after, strict=True))
     return Fit(
         robot=updated,
         start=robot,

@@ -181,4 +181,5 @@ def minimize(
         if not objective.history:
             raise
     cost, x = objective.best
-    return Run(np.clip(np.exp(x), lower, upper), cost, np.array(objective.history), status, message)
+    values = np.where(x == np.log(start), start, np.exp(x))  # what did not move keeps its digits
+    return Run(np.clip(values, lower, upper), cost, np.array(objective.history), status, message)

@@ -1,0 +1,117 @@
+//! The matrices of one posture, where it is hit and where it is watched: all of H(s) that impedances leave alone.
+
+use crate::impedance::{Direction, SpringDamper};
+use crate::mechanism::finite;
+use crate::{Error, Result};
+use nalgebra::Complex as C64;
+
+/// What does not change while impedances do: the matrices of one posture, where it is hit and where it is watched.
+#[derive(Debug, Clone)]
+pub struct LinearSystem {
+    pub(crate) n: usize,
+    /// M, C, K by rows, without the impedances.
+    pub(crate) mass: Vec<f64>,
+    pub(crate) damping: Vec<f64>,
+    pub(crate) stiffness: Vec<f64>,
+    pub(crate) directions: Vec<Direction>,
+    /// Rows of the output and input Jacobians; one shared list where `same`.
+    pub(crate) outputs: Vec<f64>,
+    pub(crate) inputs: Vec<f64>,
+    pub(crate) symmetric: bool,
+    pub(crate) same: bool,
+}
+
+impl LinearSystem {
+    /// Collects row-major matrices: `mass`, `damping`, `stiffness` (n×n), `outputs` (p×n), `inputs` (m×n).
+    ///
+    /// # Errors
+    /// [`Error::Length`], [`Error::Value`], [`Error::Index`] for a direction on a missing coordinate.
+    pub fn new(
+        n: usize,
+        [mass, damping, stiffness]: [Vec<f64>; 3],
+        directions: Vec<Direction>,
+        outputs: Vec<f64>,
+        inputs: Vec<f64>,
+    ) -> Result<Self> {
+        for (what, matrix) in [("mass", &mass), ("damping", &damping), ("stiffness", &stiffness)] {
+            if matrix.len() != n * n {
+                return Err(Error::Length { what, needed: n * n, got: matrix.len() });
+            }
+            finite(what, matrix.iter().copied())?;
+        }
+        for (what, rows) in [("outputs", &outputs), ("inputs", &inputs)] {
+            if n == 0 || rows.is_empty() || rows.len() % n != 0 {
+                return Err(Error::Length { what, needed: n, got: rows.len() });
+            }
+            finite(what, rows.iter().copied())?;
+        }
+        for direction in &directions {
+            match direction {
+                Direction::Coordinate(i) if *i >= n => {
+                    return Err(Error::Index { what: "coordinate", count: n, got: *i });
+                }
+                Direction::Dense(b) if b.len() != n => {
+                    return Err(Error::Length { what: "direction", needed: n, got: b.len() });
+                }
+                Direction::Dense(b) => finite("direction", b.iter().copied())?,
+                Direction::Coordinate(_) => {}
+            }
+        }
+        let symmetric = [&mass, &damping, &stiffness].into_iter().all(|matrix| is_symmetric(matrix, n));
+        let same = outputs == inputs;
+        Ok(Self { n, mass, damping, stiffness, directions, outputs, inputs, symmetric, same })
+    }
+
+    /// Number of impedances.
+    pub fn branches(&self) -> usize {
+        self.directions.len()
+    }
+
+    /// Outputs p and inputs m.
+    pub fn shape(&self) -> (usize, usize) {
+        (self.outputs.len() / self.n, self.inputs.len() / self.n)
+    }
+
+    /// Whether H is symmetric, X serving on both sides.
+    pub(crate) fn mirrored(&self) -> bool {
+        self.same && self.symmetric
+    }
+
+    /// Refuses a list of impedances that does not match the directions.
+    ///
+    /// # Errors
+    /// [`Error::Length`], [`Error::Value`].
+    pub fn check(&self, impedances: &[SpringDamper]) -> Result<()> {
+        if impedances.len() != self.branches() {
+            return Err(Error::Length { what: "impedances", needed: self.branches(), got: impedances.len() });
+        }
+        impedances.iter().try_for_each(SpringDamper::check)
+    }
+
+    /// Z at one point, by rows, for the pivoted solver.
+    pub(crate) fn dense(&self, s: C64<f64>, impedances: &[SpringDamper]) -> Vec<C64<f64>> {
+        let mut z: Vec<_> = (0..self.n * self.n)
+            .map(|i| s * s * self.mass[i] + s * self.damping[i] + self.stiffness[i])
+            .collect();
+        for (direction, impedance) in self.directions.iter().zip(impedances) {
+            let value = s * impedance.damping + impedance.stiffness;
+            match direction {
+                Direction::Coordinate(i) => z[i * self.n + i] += value,
+                Direction::Dense(b) => {
+                    for i in 0..self.n {
+                        for j in 0..self.n {
+                            z[i * self.n + j] += value * (b[i] * b[j]);
+                        }
+                    }
+                }
+            }
+        }
+        z
+    }
+}
+
+/// Whether the asymmetry is rounding only; what is below the tolerance is dropped by using the lower triangle.
+fn is_symmetric(matrix: &[f64], n: usize) -> bool {
+    let scale = matrix.iter().fold(0.0_f64, |a, v| a.max(v.abs()));
+    (0..n).all(|i| (0..i).all(|j| (matrix[i * n + j] - matrix[j * n + i]).abs() <= 1e-13 * scale))
+}

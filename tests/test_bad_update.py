@@ -1,0 +1,266 @@
+"""A fit that is not well posed is refused with one line that says where, what was found and what was expected."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import armonic as am
+from armonic.errors import ArmonicError, ModelError, PostureError, UpdateError
+from armonic.updating import Measurement
+from models import oscillator, robot_of, spring
+from robot_files import START
+
+FREQ_HZ = np.arange(1, 61) / 2
+THREE_R = am.load("huynh_3r")
+H = am.frf(THREE_R, "milling", FREQ_HZ, frame="sensor")
+DATA = Measurement(H, "milling")
+STIFFNESS = "links.arm.elasticity.z.stiffness"  # 1.55e6
+
+
+def refused(kind: type[ArmonicError], message: str, *parts: Any, robot: am.Robot = THREE_R, **options: Any) -> None:
+    """Asserts that a fit raises this error, on one line."""
+    with pytest.raises(kind, match=message) as caught:
+        am.update(robot, *parts, **options)
+    assert_one_line(caught.value)
+
+
+def assert_one_line(error: ArmonicError) -> None:
+    text = str(error)
+    assert text == text.strip()
+    assert "\n" not in text
+    assert re.fullmatch(r".+: found .+, expected .+[.?]", text)
+
+
+@pytest.mark.parametrize(
+    ("pair", "message"),
+    [
+        ((2e6, 3e6), rf"bounds of {STIFFNESS}: found \[2e\+06, 3e\+06\], which exclude the start 1.55e\+06, expected"),
+        ((1e5, 1e6), "which exclude the start"),
+        ((0.0, 3e6), r"found \(0.0, 3000000.0\), expected two positive numbers, low < high"),
+        ((-1e6, 3e6), "two positive numbers"),
+        ((3e6, 1e6), "low < high"),
+        ((1.55e6, 1.55e6), "low < high"),
+        ((np.nan, 3e6), r"found \(nan, 3000000.0\), expected two positive numbers"),
+        ((1e6, np.nan), "two positive numbers"),
+        ((1e6, np.inf), "two positive numbers"),
+        ((1e6,), "two positive numbers"),
+        ((1e6, 2e6, 3e6), "two positive numbers"),
+        (1e6, "found 1000000.0, expected two positive numbers"),
+        ("low", "found 'low', expected two positive numbers"),
+        (None, "found None, expected two positive numbers"),
+        (((1, 2), (3, 4)), "two positive numbers"),
+    ],
+)
+def test_bounds_that_do_not_fit_are_refused(pair: Any, message: str) -> None:
+    refused(UpdateError, message, DATA, bounds={STIFFNESS: pair})
+
+
+def test_bounds_beyond_those_of_the_file_are_refused_for_the_result_could_not_be_loaded() -> None:
+    robot = am.load(START)
+    for pair in ((5e5, 4e6), (6e5, 5e6)):
+        message = r"found \[.+\], expected bounds within those of the robot file, \[550000, 4e\+06\]\. Widen them"
+        refused(UpdateError, message, DATA, robot=robot, bounds={STIFFNESS: pair})
+
+
+@pytest.mark.parametrize("bounds", [{"links.arm.elasticity.z.stifness": (1e6, 2e6)}, {"links.elbow.*": (1e6, 2e6)}])
+def test_bounds_of_a_parameter_that_is_not_there_are_refused(bounds: Mapping[str, tuple[float, float]]) -> None:
+    refused(UpdateError, "expected the path of a stiffness or damping", DATA, bounds=bounds)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ("links.arm.elasticity.z.stifness", f"found 'links.arm.elasticity.z.stifness', .* Did you mean {STIFFNESS}"),
+        ("links.elbow.*", "found 'links.elbow.*'"),
+        (["stiffness", "nothing"], "found 'nothing'"),
+        ([], "found no pattern"),
+        ("", "found ''"),
+    ],
+)
+def test_a_pattern_that_matches_nothing_is_refused(parameters: Any, message: str) -> None:
+    refused(UpdateError, message, DATA, parameters=parameters)
+
+
+def test_a_start_of_zero_is_refused_unless_it_is_left_out() -> None:
+    path = "links.arm.elasticity.z.damping"
+    robot = THREE_R.with_values({path: 0.0})
+    refused(
+        UpdateError, rf"{path}: found 0 to start from, expected a positive value.*small positive", DATA, robot=robot
+    )
+    assert am.update(robot, DATA, parameters="stiffness", max_evaluations=1).status == "limit"
+
+
+def test_a_fit_needs_a_measurement() -> None:
+    refused(UpdateError, "measurements: found none, expected at least one", [])
+
+
+@pytest.mark.parametrize("tolerance", [0.0, -1e-6, np.nan, np.inf, 1e-17, 1.0])
+def test_a_tolerance_out_of_range_is_refused(tolerance: float) -> None:
+    refused(
+        UpdateError, f"tolerance: found {tolerance}, expected a number from 2.2e-16 to 1", DATA, tolerance=tolerance
+    )
+
+
+@pytest.mark.parametrize("limit", [0, -3])
+def test_a_limit_of_no_evaluations_is_refused(limit: int) -> None:
+    refused(UpdateError, f"max_evaluations: found {limit}, expected at least 1", DATA, max_evaluations=limit)
+
+
+@pytest.mark.parametrize(
+    ("weights", "message"),
+    [
+        (np.ones(59), r"found shape \(59,\), expected shape \(60,\) or \(60, 3, 3\)"),
+        (np.ones((60, 3)), r"found shape \(60, 3\)"),
+        (np.ones((3, 3)), r"found shape \(3, 3\)"),
+        (1.0, r"found shape \(\)"),
+        (np.append(np.ones(59), -1e-9), "found a negative or non-finite number, expected numbers of zero or more"),
+        (np.append(np.ones(59), np.nan), "non-finite"),
+        (np.append(np.ones(59), np.inf), "non-finite"),
+        (np.zeros(60), "found zero everywhere, expected at least one positive weight"),
+        ("peak", 'found \'peak\', expected "peaks", "uniform" or numbers'),
+        (np.ones(60) * 1j, 'expected "peaks", "uniform" or numbers'),
+        (["heavy"] * 60, 'expected "peaks", "uniform" or numbers'),
+        ([[1, 2], [3]], 'expected "peaks", "uniform" or numbers'),
+    ],
+)
+def test_weights_that_do_not_fit_are_refused(weights: Any, message: str) -> None:
+    with pytest.raises(UpdateError, match=message) as caught:
+        Measurement(H, "milling", weights=weights, label="tap test 7")
+    assert_one_line(caught.value)
+    assert str(caught.value).startswith("tap test 7: weights: ")
+
+
+@pytest.mark.parametrize("weights", ["peaks", "uniform", np.full(60, 2.0)])
+def test_a_zero_in_a_response_is_refused_where_its_logarithm_counts(weights: Any) -> None:
+    values = H.values.copy()
+    values[17, 1, 2] = 0.0
+    with pytest.raises(UpdateError, match=r"H_yz at 9 Hz: found a response of exactly zero, .*weight zero") as caught:
+        Measurement(replace(H, values=values), "milling", weights=weights)
+    assert_one_line(caught.value)
+    ignored = np.ones(H.values.shape)
+    ignored[17, 1, 2] = 0.0
+    fit = am.update(THREE_R, Measurement(replace(H, values=values), "milling", weights=ignored))
+    assert np.isfinite(fit.cost)
+
+
+@pytest.mark.parametrize("kind", ["mobility", "accelerance"])
+def test_a_line_at_zero_hertz_that_says_nothing_is_left_out(kind: am.response.Kind) -> None:
+    G = am.frf(THREE_R, "milling", np.arange(61) / 2, frame="sensor", kind=kind)
+    assert (G.values[0] == 0).all()
+    data = Measurement(G, "milling", weights="uniform")
+    assert (data.line_weights()[0] == 0).all()
+    start = THREE_R.with_values({STIFFNESS: 1.7e6})
+    with_it, without = (
+        am.update(start, m, max_evaluations=1).cost for m in (data, Measurement(H, "milling", weights="uniform"))
+    )
+    assert with_it == pytest.approx(without, rel=1e-12)  # a few roundings per value
+
+
+def test_a_line_at_zero_hertz_of_receptance_counts() -> None:
+    G = am.frf(THREE_R, "milling", np.arange(61) / 2, frame="sensor", kind="receptance")
+    start = THREE_R.with_values({STIFFNESS: 1.7e6})
+    both = [
+        am.update(start, Measurement(g, "milling", weights="uniform"), max_evaluations=1) for g in (G, G.band(0.5, 30))
+    ]
+    static = [
+        am.frf(robot, "milling", [0.0], frame="sensor", kind="receptance").values.real for robot in (start, THREE_R)
+    ]
+    assert both[0].cost - both[1].cost == pytest.approx(np.sum(np.log(static[0] / static[1]) ** 2), rel=1e-6)
+
+
+def test_a_line_at_zero_hertz_alone_is_nothing_to_fit() -> None:
+    with pytest.raises(UpdateError, match="found zero everywhere"):
+        Measurement(am.frf(THREE_R, "milling", [0.0], frame="sensor"), "milling", weights="uniform")
+
+
+def test_a_measurement_needs_a_frame() -> None:
+    nowhere = replace(H, frame=None)
+    with pytest.raises(
+        UpdateError, match=r"Measurement.frame: found nothing, expected the robot frame the sensor sits on"
+    ):
+        Measurement(nowhere, "milling")
+    assert Measurement(nowhere, "milling", "arm").frame == "arm"
+
+
+def test_an_unknown_frame_posture_or_axis_is_refused() -> None:
+    refused(PostureError, "frame: found 'sensr', .*Did you mean sensor", Measurement(H, "milling", "sensr"))
+    refused(PostureError, "posture: found 'miling', .*Did you mean milling", Measurement(H, "miling"))
+    refused(PostureError, "posture: found 2 values, expected", Measurement(H, [0.0, 1.0]))
+    refused(PostureError, "found nan", Measurement(H, [0.0, 1.0, np.nan]))
+    along_w = replace(H, outputs=("x", "y", "w"))
+    refused(ArmonicError, "outputs: found 'w', expected axes among x y z", Measurement(along_w, "milling"))
+
+
+def test_the_second_of_two_measurements_is_checked_as_well() -> None:
+    refused(PostureError, "found 'miling'", [DATA, Measurement(H, "miling")])
+    refused(PostureError, "found 'sensr'", [DATA, Measurement(H, "milling", "sensr")])
+
+
+def planar() -> am.Robot:
+    """Two links that move in the x-z plane; along y the tip stands still whatever the springs."""
+    links = [
+        {
+            "name": name,
+            "parent": parent,
+            "placement": placement,
+            "joint": {"type": "revolute", "axis": "z"},
+            "elasticity": {"z": spring(1e5, 30.0)},
+            "mass": 10,
+            "com": [0.4, 0, 0],
+            "inertia": {"xx": 0.1, "yy": 0.5, "zz": 0.5},
+        }
+        for name, parent, placement in (("upper", "base", [{"rx": "90 deg"}]), ("lower", "upper", [{"x": 0.8}]))
+    ]
+    # The quarter turns there and back leave 6e-17 where zeros should stand.
+    tip = {"name": "tip", "link": "lower", "placement": [{"x": 0.8}, {"rx": "-90 deg"}]}
+    return robot_of(links, frames=[tip], postures={"bent": [0.3, 0.7]})
+
+
+def test_a_response_that_the_model_cannot_have_is_named_with_what_to_do() -> None:
+    robot, rng = planar(), np.random.default_rng(1)
+    clean = am.frf(robot, "bent", FREQ_HZ, frame="tip")
+    floor = 1e-6 * np.abs(clean.values).max() * rng.standard_normal(clean.values.shape)
+    noisy = replace(clean, values=clean.values + floor)
+    for G in (noisy, clean):  # what a sensor picks up there, and what rounding leaves of zero
+        message = (
+            r"bent, tip: H_xy: found a measured response that is zero in the model, .* along x under a load along y"
+        )
+        refused(ModelError, message + r".*frf\.select", Measurement(G, "bent", weights="uniform"), robot=robot)
+    # Either way out that the message names works.
+    seen = np.array([[1, 0, 1], [0, 0, 0], [1, 0, 1]], float)
+    ways = (
+        Measurement(noisy.select(outputs=["x", "z"], inputs=["x", "z"]), "bent", weights="uniform"),
+        Measurement(noisy, "bent", weights=np.broadcast_to(seen, noisy.values.shape)),
+    )
+    costs = [am.update(robot, m).cost for m in ways]
+    assert costs[0] == pytest.approx(costs[1], rel=1e-9)
+
+
+def test_an_undamped_resonance_right_on_a_line_is_an_error_and_no_nan() -> None:
+    # 1 kg on a spring that cancels its inertia at the sixth line to the last bit.
+    omega = 2 * np.pi * FREQ_HZ[5]
+    truth = oscillator(1.0, 400.0, 2.0)
+    G = am.frf(truth, {}, FREQ_HZ, frame="mass_0").select(outputs="x", inputs="x")
+    start = oscillator(1.0, float(omega**2))
+    data = Measurement(G, {}, weights="uniform")
+    refused(
+        ModelError,
+        "found the dynamic stiffness is singular at line 5: an undamped resonance",
+        data,
+        robot=start,
+        parameters="stiffness",
+    )
+
+
+def test_any_other_start_than_the_resonance_is_fitted_even_without_damping() -> None:
+    truth = oscillator(1.0, 400.0)
+    G = am.frf(truth, {}, FREQ_HZ, frame="mass_0").select(outputs="x", inputs="x")
+    fit = am.update(oscillator(1.0, 380.0), Measurement(G, {}, weights="uniform"), parameters="stiffness")
+    assert np.isfinite(fit.cost)
+    assert fit.cost <= fit.start_cost

@@ -1,0 +1,289 @@
+"""What a fit says about itself: verdicts, status, history, the updated file, modes and responses before and after."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import armonic as am
+from armonic.updating import Fit, Measurement
+from armonic.updating.parameters import Parameter
+from armonic.updating.solver import Objective, minimize
+from armonic.updating.uncertainty import judge
+from models import robot_of, spring
+from robot_files import START
+
+Array = NDArray[np.float64]
+
+FREQ_HZ = np.arange(1, 151) / 5
+THREE_R = am.load("huynh_3r")
+KUKA = am.load("kuka_kr90")
+
+
+def noisy(H: am.Frf, seed: int, noise: float) -> am.Frf:
+    real, imaginary = np.random.default_rng(seed).standard_normal((2, *H.values.shape))
+    return replace(H, values=H.values * (1 + noise * (real + 1j * imaginary)))
+
+
+def kuka_data(noise: float = 0.01) -> Measurement:
+    return Measurement(noisy(am.frf(KUKA, "milling", FREQ_HZ, frame="sensor"), 3, noise), "milling")
+
+
+@pytest.fixture(scope="module")
+def progress() -> list[tuple[int, float]]:
+    return []
+
+
+@pytest.fixture(scope="module")
+def fit(progress: list[tuple[int, float]]) -> Fit:
+    """The KUKA at two postures, the first of them measured twice."""
+    elsewhere = [0.4, 0.9, -1.2]
+    data = [
+        kuka_data(),
+        Measurement(noisy(am.frf(KUKA, elsewhere, FREQ_HZ[::3], frame="sensor", kind="mobility"), 4, 0.01), elsewhere),
+        Measurement(noisy(am.frf(KUKA, "milling", FREQ_HZ, frame="arm", outputs="x", inputs="z"), 5, 0.01), "milling"),
+    ]
+    return am.update(am.load(START), data, progress=lambda count, cost: progress.append((count, cost)))
+
+
+def test_the_cost_is_equation_22_of_the_responses_after(fit: Fit) -> None:
+    for responses, cost in ((fit.frf_before, fit.start_cost), (fit.frf_after, fit.cost)):
+        total = 0.0
+        for m, modelled in zip(fit.measurements, responses, strict=True):
+            size = np.log(np.abs(modelled.values)) - np.log(np.abs(m.frf.values))
+            turn = np.angle(modelled.values * m.frf.values.conj())
+            total += np.sum(m.line_weights() * (size**2 + turn**2))
+        # Differences of some 1e-2 between logarithms of some 10 keep 1e-13 of their size, 1e-11 of their squares.
+        assert cost == pytest.approx(total, rel=1e-10)
+
+
+def test_history_evaluations_and_progress_tell_the_same_story(fit: Fit, progress: list[tuple[int, float]]) -> None:
+    assert fit.status == "converged"
+    assert fit.evaluations == len(fit.cost_history) == len(progress)
+    assert progress == [(i + 1, cost) for i, cost in enumerate(fit.cost_history)]
+    assert (fit.cost_history[0], fit.cost_history[-1]) == (fit.start_cost, fit.cost)
+    assert (np.diff(fit.cost_history) <= 0).all()
+    assert np.count_nonzero(np.diff(fit.cost_history)) > 20  # the pass under levelled weights is in it too
+
+
+def test_the_duration_is_the_time_from_call_to_return() -> None:
+    begin = perf_counter()
+    fit = am.update(am.load(START), kuka_data())
+    outside = perf_counter() - begin
+    assert 0.5 * outside < fit.duration_s < outside  # loading the file is in it too
+
+
+def test_modes_and_responses_are_those_of_the_robots_before_and_after(fit: Fit) -> None:
+    assert fit.postures[0] == "milling"
+    assert len(fit.postures) == len(fit.before) == len(fit.after) == len(fit.mac) == 2
+    for posture, before, after, mac in zip(("milling", [0.4, 0.9, -1.2]), fit.before, fit.after, fit.mac, strict=True):
+        for modes, robot in ((before, fit.start), (after, fit.robot)):
+            expected = am.modes(robot, posture)
+            np.testing.assert_array_equal(modes.poles, expected.poles)
+            np.testing.assert_array_equal(modes.shapes, expected.shapes)
+        # |aᴴ b|² / (aᴴ a bᴴ b), written out; a few hundred roundings at most.
+        for i, a in enumerate(before.shapes.T):
+            for j, b in enumerate(after.shapes.T):
+                expected_mac = abs(np.vdot(a, b)) ** 2 / (np.vdot(a, a).real * np.vdot(b, b).real)
+                assert mac[i, j] == pytest.approx(expected_mac, rel=1e-12, abs=1e-14)
+    for responses, robot in ((fit.frf_before, fit.start), (fit.frf_after, fit.robot)):
+        for m, H in zip(fit.measurements, responses, strict=True):
+            again = am.frf(
+                robot,
+                m.posture,
+                m.frf.freq_hz,
+                frame=m.frame,
+                kind=m.frf.kind,
+                outputs=m.frf.outputs,
+                inputs=m.frf.inputs,
+            )
+            np.testing.assert_array_equal(H.values, again.values)
+
+
+def test_the_updated_file_keeps_its_comments_and_loads_to_the_fitted_values(fit: Fit, tmp_path: Path) -> None:
+    values = {p.path: p.value for p in fit.parameters}
+    fit.robot.save(tmp_path / "new.yaml")
+    again = am.load(tmp_path / "new.yaml")
+    assert again.parameters() == fit.robot.parameters() == values
+    assert all(again.bounds(path) == fit.start.bounds(path) for path in values)
+    comments = [line for line in START.read_text("utf-8").splitlines() if line.lstrip().startswith("#")]
+    assert len(comments) > 5
+    assert [line for line in fit.robot.to_yaml().splitlines() if line.lstrip().startswith("#")] == comments
+    assert fit.start.to_yaml() == START.read_text("utf-8")
+
+
+def test_parameters_stand_in_the_order_of_the_file_with_start_bounds_and_unit(fit: Fit) -> None:
+    assert [p.path for p in fit.parameters] == list(fit.start.parameters())
+    assert {p.path: p.start for p in fit.parameters} == fit.start.parameters()
+    assert all((p.lower, p.upper) == fit.start.bounds(p.path) for p in fit.parameters)
+    units = {"stiffness": "N m/rad", "damping": "N m s/rad"}
+    assert all(p.unit == units[p.path.split(".")[-1]] for p in fit.parameters)
+    assert all(p.lower <= p.value <= p.upper for p in fit.parameters)
+
+
+def test_without_bounds_a_parameter_may_move_by_a_factor_of_a_thousand() -> None:
+    fit = am.update(THREE_R, Measurement(am.frf(THREE_R, "milling", FREQ_HZ, frame="sensor"), "milling"))
+    np.testing.assert_allclose([p.upper / p.start for p in fit.parameters], 1e3)
+    np.testing.assert_allclose([p.lower / p.start for p in fit.parameters], 1e-3)
+
+
+@pytest.mark.parametrize("after", [1, 2, 15, 50])
+def test_an_interrupted_fit_keeps_the_best_so_far(after: int) -> None:
+    def stop(count: int, cost: float) -> None:
+        if count == after:
+            raise KeyboardInterrupt
+
+    data, start = kuka_data(), am.load(START)
+    whole, fit = am.update(start, data), am.update(start, data, progress=stop)
+    assert (fit.status, fit.evaluations) == ("interrupted", after)
+    np.testing.assert_array_equal(fit.cost_history, whole.cost_history[:after])
+    # What was kept is what the cost says.
+    assert am.update(fit.robot, data, max_evaluations=1).cost == pytest.approx(fit.cost, rel=1e-9)
+
+
+@pytest.mark.parametrize("limit", [1, 2, 3, 30, 60])
+def test_the_limit_on_evaluations_is_kept_over_both_passes(limit: int) -> None:
+    data, start = kuka_data(), am.load(START)
+    whole, fit = am.update(start, data), am.update(start, data, max_evaluations=limit)
+    assert (fit.status, fit.evaluations) == ("limit", limit)
+    np.testing.assert_array_equal(fit.cost_history, whole.cost_history[:limit])
+    assert str(limit) in fit.message
+
+
+def test_one_evaluation_leaves_the_robot_as_it_was() -> None:
+    fit = am.update(KUKA, kuka_data(), max_evaluations=1)
+    assert fit.robot.to_yaml() == KUKA.to_yaml()
+    assert fit.cost == fit.start_cost
+
+
+class Curve:
+    """Stands in for the core's problem: one parameter, whose logarithm x has the residuals of a function."""
+
+    def __init__(self, residual: Callable[[float], list[float]]) -> None:
+        self.residual = residual
+
+    def reduce(self, stiffness: Array, damping: Array, free: list[int]) -> Array:
+        x, h = float(np.log(stiffness[0, 0])), 1e-6
+        slope = (np.array(self.residual(x + h)) - self.residual(x - h)) / (2 * h)
+        return np.linalg.qr(np.column_stack([slope, self.residual(x)]), mode="r")
+
+    def costs(self, stiffness: Array, damping: Array) -> Array:
+        return np.array([np.sum(np.square(self.residual(float(np.log(k))))) for k in stiffness[:, 0]])
+
+
+def test_if_the_first_pass_leads_away_from_a_better_start_the_fit_goes_on_from_there() -> None:
+    two_valleys: Any = Curve(lambda x: [x * (x - 3), 0.3 * x])  # zero at x = 0, and a minimum of 0.8 at x = 2.97
+    to_the_worse: Any = Curve(lambda x: [x - 3, 0.0])
+    objective = Objective(two_valleys, np.array([np.exp(0.05), 1.0]), [0])
+    run = minimize(objective, np.exp([0.05]), np.exp([-9.0]), np.exp([9.0]), tolerance=1e-10, levelled=to_the_worse)
+    assert run.status == "converged"
+    assert run.history[0] == pytest.approx(0.0220, abs=1e-4)  # (0.05 · 2.95)² + 0.015²
+    assert run.cost < 1e-15
+    assert np.log(run.values) == pytest.approx(0.0, abs=1e-7)
+
+
+def two_arms() -> am.Robot:
+    """A turntable whose arm moves up and down: in this posture, one moves the tip along y only, the other along z."""
+    links: list[dict[str, Any]] = [
+        {
+            "name": name,
+            "parent": parent,
+            "joint": {"type": "revolute", "axis": axis},
+            "elasticity": {axis: spring(k, d)},
+        }
+        | {"mass": 20, "com": [0.5, 0, 0], "inertia": {"xx": 0.2, "yy": 2, "zz": 2}}
+        for name, parent, axis, k, d in (("table", "base", "z", 4e5, 40.0), ("boom", "table", "y", 1e5, 20.0))
+    ]
+    return robot_of(
+        links, frames=[{"name": "tip", "link": "boom", "placement": [{"x": 1.0}]}], postures={"flat": [0, 0]}
+    )
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+@pytest.mark.parametrize(("axis", "seen", "unseen"), [("y", "table", "boom"), ("z", "boom", "table")])
+def test_what_the_sensor_cannot_see_is_not_identifiable_and_its_interval_open(
+    axis: str, seen: str, unseen: str, noise: float
+) -> None:
+    truth = two_arms()
+    H = noisy(am.frf(truth, "flat", np.arange(1, 100) / 2, frame="tip", outputs=axis, inputs=axis), 1, noise)
+    start = truth.with_values({path: 1.2 * value for path, value in truth.parameters().items()})
+    for robot in (start, truth):
+        fit = am.update(robot, Measurement(H, "flat"))
+        by_link = {link: [p for p in fit.parameters if f".{link}." in p.path] for link in (seen, unseen)}
+        assert [p.verdict for p in by_link[unseen]] == ["not identifiable"] * 2
+        assert [p.interval for p in by_link[unseen]] == [(0.0, np.inf)] * 2
+        assert [p.value for p in by_link[unseen]] == [p.start for p in by_link[unseen]]
+        assert [p.verdict for p in by_link[seen]] == ["identified"] * 2
+
+
+def test_two_springs_in_parallel_are_not_identifiable_one_by_one() -> None:
+    # A joint's own spring and a bushing about the same axis between the same bodies: only their sum shows.
+    link = {
+        "name": "rod",
+        "parent": "base",
+        "joint": {"type": "revolute", "axis": "z"},
+        "elasticity": {"z": spring(3e4, 5.0)},
+        "mass": 10,
+        "com": [0.5, 0, 0],
+        "inertia": {"xx": 1, "yy": 1, "zz": 1},
+    }
+    robot = robot_of(
+        [link],
+        frames=[{"name": "tip", "link": "rod", "placement": [{"x": 1.0}]}],
+        bushings=[{"name": "cable", "between": ["base", "rod"], "stiffness": [0, 0, 0, 0, 0, 1e4]}],
+    )
+    H = noisy(am.frf(robot, [0.0], np.arange(1, 100) / 2, frame="tip", outputs="y", inputs="y"), 1, 0.01)
+    fit = am.update(robot, Measurement(H, [0.0]), parameters="stiffness")
+    assert [(p.verdict, p.interval) for p in fit.parameters] == [("not identifiable", (0.0, np.inf))] * 2
+    assert sum(p.value for p in fit.parameters) == pytest.approx(4e4, rel=0.01)
+
+
+def test_a_parameter_that_its_bound_holds_back_is_at_its_bound_and_one_that_lies_there_by_chance_is_too() -> None:
+    path = "links.arm.elasticity.z.stiffness"  # 1.55e6
+    start = THREE_R.with_values({path: 1.2e6})
+    H = am.frf(THREE_R, "milling", FREQ_HZ, frame="sensor")
+    for bounds, held in (((1e6, 1.4e6), True), ((1e6, 1.55e6), True), ((1e6, 1.6e6), False)):
+        fit = am.update(start, Measurement(H, "milling", weights="uniform"), bounds={path: bounds})
+        verdicts = {p.path: p.verdict for p in fit.parameters}
+        assert verdicts[path] == ("at bound" if held else "identified")
+        assert [v for p, v in verdicts.items() if p != path].count("at bound") == 0
+
+
+def parameter(name: str) -> Parameter:
+    return Parameter(name, "N m/rad", 1.0, 1e-6, 1e6, 0)
+
+
+@pytest.mark.parametrize("weight", [1.0, 80.0])
+def test_intervals_of_independent_parameters_are_the_textbook_ones_whatever_the_weight(weight: float) -> None:
+    # Column i has length a_i, so the logarithm's standard deviation is σ / a_i. Student's t for ten degrees of freedom
+    # and 95 % is 2.228 in every table. Half-widths: 0.11, 0.89, 2.2 and 22 against ln 1.25 = 0.22, ln 3 = 1.10 and
+    # ln 1e6 = 13.8.
+    lengths, noise, t = np.array([2.0, 0.25, 0.1, 0.01]), 0.1, 2.228
+    triangle = np.zeros((5, 5))
+    triangle[:4, :4] = np.diag(lengths)
+    names = tuple(parameter(name) for name in "abcd")
+    values = np.array([3.0, 4.0, 5.0, 6.0])
+    judged = judge(names, values, np.sqrt(weight) * triangle, weight * triangle, noise=noise, freedom=10)
+    assert [p.verdict for p in judged] == ["identified", "weak", "not identifiable", "not identifiable"]
+    half = t * noise / lengths[:3]
+    expected = np.stack([values[:3] * np.exp(-half), values[:3] * np.exp(half)], axis=1)
+    np.testing.assert_allclose([p.interval for p in judged[:3]], expected, rtol=5e-4)  # the table's four digits
+    assert judged[3].interval == (0.0, np.inf)
+
+
+def test_correlated_parameters_have_the_intervals_of_ordinary_least_squares() -> None:
+    rng = np.random.default_rng(1)
+    J = rng.normal(size=(40, 3)) @ np.array([[1.0, 0.9, 0.0], [0.0, 0.2, 0.0], [0.0, 0.0, 1.0]])
+    triangle = np.zeros((4, 4))
+    triangle[:3, :3] = np.linalg.qr(J, mode="r")
+    noise, t = 0.05, 2.0262  # Student's t for 37 degrees of freedom
+    deviation = noise * np.sqrt(np.diag(np.linalg.inv(J.T @ J)))
+    judged = judge(tuple(map(parameter, "abc")), np.ones(3), triangle, triangle, noise=noise, freedom=37)
+    np.testing.assert_allclose([np.log(p.interval[1]) for p in judged], t * deviation, rtol=5e-5)
