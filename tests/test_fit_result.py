@@ -247,9 +247,11 @@ def test_two_springs_in_parallel_are_not_identifiable_one_by_one() -> None:
 
 def test_a_parameter_that_its_bound_holds_back_is_at_its_bound_and_one_that_lies_there_by_chance_is_too() -> None:
     path = "links.arm.elasticity.z.stiffness"  # 1.55e6
-    start = THREE_R.with_values({path: 1.2e6})
     H = am.frf(THREE_R, "milling", FREQ_HZ, frame="sensor")
-    for bounds, held in (((1e6, 1.4e6), True), ((1e6, 1.55e6), True), ((1e6, 1.6e6), False)):
+    cases = [(1.2e6, (1e6, 1.4e6), True), (1.2e6, (1e6, 1.55e6), True), (1.2e6, (1e6, 1.6e6), False)]
+    cases += [(1.9e6, (1.7e6, 2e6), True), (1.9e6, (1.55e6, 2e6), True), (1.9e6, (1.5e6, 2e6), False)]
+    for value, bounds, held in cases:
+        start = THREE_R.with_values({path: value})
         fit = am.update(start, Measurement(H, "milling", weights="uniform"), bounds={path: bounds})
         verdicts = {p.path: p.verdict for p in fit.parameters}
         assert verdicts[path] == ("at bound" if held else "identified")
@@ -287,3 +289,12 @@ def test_correlated_parameters_have_the_intervals_of_ordinary_least_squares() ->
     deviation = noise * np.sqrt(np.diag(np.linalg.inv(J.T @ J)))
     judged = judge(tuple(map(parameter, "abc")), np.ones(3), triangle, triangle, noise=noise, freedom=37)
     np.testing.assert_allclose([np.log(p.interval[1]) for p in judged], t * deviation, rtol=5e-5)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-16, 0.01])
+@pytest.mark.parametrize("length", [0.0, 1e-14])
+def test_what_rounding_leaves_of_a_column_of_zeros_identifies_nothing(length: float, noise: float) -> None:
+    triangle = np.diag([1.0, length, 0.0])
+    judged = judge((parameter("a"), parameter("b")), np.ones(2), triangle, triangle, noise=noise, freedom=50)
+    assert [p.verdict for p in judged] == ["identified", "not identifiable"]
+    assert judged[1].interval == (0.0, np.inf)

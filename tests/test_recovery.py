@@ -203,12 +203,14 @@ def peak_lines(weights: Array) -> list[list[int]]:
     return [run.tolist() for run in np.split(high, np.flatnonzero(np.diff(high) > 1) + 1)]
 
 
-def resonance(hz: Sequence[float], *, kind: am.response.Kind = "accelerance", freq_hz: Array = FREQ_HZ) -> am.Frf:
-    """Sum of the responses of oscillators of 1 kg with 1 % damping."""
+def resonance(
+    hz: Sequence[float], *, kind: am.response.Kind = "accelerance", freq_hz: Array = FREQ_HZ, ratio: float = 0.01
+) -> am.Frf:
+    """Sum of the responses of oscillators of 1 kg and one damping ratio."""
     parts = []
     for f in hz:
         k = (2 * np.pi * f) ** 2
-        parts.append(am.frf(oscillator(1.0, k, 0.02 * np.sqrt(k)), {}, freq_hz, frame="mass_0", kind=kind))
+        parts.append(am.frf(oscillator(1.0, k, 2 * ratio * np.sqrt(k)), {}, freq_hz, frame="mass_0", kind=kind))
     one = parts[0].select(outputs="x", inputs="x")
     return replace(one, values=sum(p.values[:, :1, :1] for p in parts))
 
@@ -222,6 +224,14 @@ def test_peak_weights_are_80_at_each_peak_and_two_lines_around_and_a_half_elsewh
     weights = am.peak_weights(noisy(resonance([6.0, 20.0], kind=kind), 1, noise))[:, 0, 0]
     assert peak_lines(weights) == [[27, 28, 29, 30, 31], [97, 98, 99, 100, 101]]
     assert set(weights) == {80.0, 0.5}
+
+
+@pytest.mark.parametrize("kind", ["receptance", "mobility", "accelerance"])
+def test_peaks_are_those_of_the_accelerance_whatever_the_kind(kind: am.response.Kind) -> None:
+    # It peaks at f / sqrt(1 - 2 ζ²) = 3.031 Hz; mobility would at 3 Hz, receptance at 2.970 Hz.
+    freq_hz = np.arange(200, 400) / 100
+    weights = am.peak_weights(resonance([3.0], kind=kind, freq_hz=freq_hz, ratio=0.1))[:, 0, 0]
+    assert freq_hz[weights == 80].tolist() == [3.01, 3.02, 3.03, 3.04, 3.05]
 
 
 def test_peak_weights_can_be_set() -> None:

@@ -45,10 +45,14 @@ pub enum Error {
     #[error("the mass matrix is not positive definite: some coordinate moves no mass")]
     MassNotPositiveDefinite,
     /// The dynamic stiffness matrix is singular at one evaluation point.
-    #[error("the dynamic stiffness is singular at line {line}: an undamped resonance lies exactly there")]
+    #[error(
+        "the dynamic stiffness is singular at line {line}: an undamped resonance lies exactly at {hz} Hz"
+    )]
     Singular {
         /// Index of the evaluation point.
         line: usize,
+        /// Im s / 2π there.
+        hz: f64,
     },
     /// A modelled response is zero where its logarithm is wanted.
     #[error(

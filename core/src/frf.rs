@@ -104,7 +104,7 @@ impl WithSimd for OneCase<'_> {
         let (p, m) = self.system.shape();
         let (count, r) = (self.s.len(), self.system.branches());
         let groups = count.div_ceil(lanes::<S>());
-        let mut solver = Solver::new(simd, self.system, self.impedances);
+        let mut solver = Solver::new(simd, self.system, self.impedances, count);
         let want = !self.sensitivities.is_empty();
         let zero = Complex::zero(simd);
         // Projections are gathered over all lines, so that every entry is then written as one stream.

@@ -266,7 +266,7 @@ impl WithSimd for Task<'_> {
         let height = per_chunk * ROWS_PER_BLOCK.div_ceil(per_chunk * S::F64_LANES);
         let mut block = Block::<S>::new(simd, width, height);
         let mut triangle = Triangle::zeros(width);
-        let mut solver = Solver::new(simd, &target.system, self.impedances);
+        let mut solver = Solver::new(simd, &target.system, self.impedances, target.lines);
         let end = (self.start + LINES_PER_TASK).min(padded);
         for start in (self.start..end).step_by(lanes::<S>()) {
             let s = load(simd, &target.s, start);

@@ -12,8 +12,9 @@ use nalgebra::Complex as C64;
 use pulp::{Simd, bytemuck};
 use std::mem::MaybeUninit;
 
-/// A pivot whose size fell below this share of the terms that made it has lost six digits: that lane is solved again.
-const PIVOT_FLOOR: f64 = 1e-6;
+/// A pivot whose size fell below this share of the terms that made it has lost three digits: that lane is solved again.
+/// What earlier pivots above the floor lost adds up to less than 1e-10 of the response.
+const PIVOT_FLOOR: f64 = 1e-3;
 
 /// Results are hundreds of kilobytes that are written once: zeroing them first would cost as much as computing them.
 pub(crate) type Slot = MaybeUninit<C64<f64>>;
@@ -68,6 +69,8 @@ fn store_some<S: Simd>(simd: S, value: Complex<S>, to: &mut [Slot]) {
 pub(crate) struct Solver<'a, S: Simd> {
     system: &'a LinearSystem,
     impedances: &'a [SpringDamper],
+    /// Number of evaluation points, the padding of the last group left out.
+    count: usize,
     /// Size of the terms on the diagonal of Z: of order s⁰, s¹ and s².
     scale: Vec<[f64; 3]>,
     floor: Vec<Real<S>>,
@@ -85,13 +88,18 @@ pub(crate) struct Solver<'a, S: Simd> {
 }
 
 impl<'a, S: Simd> Solver<'a, S> {
-    pub(crate) fn new(simd: S, system: &'a LinearSystem, impedances: &'a [SpringDamper]) -> Self {
+    pub(crate) fn new(
+        simd: S,
+        system: &'a LinearSystem,
+        impedances: &'a [SpringDamper],
+        count: usize,
+    ) -> Self {
         let (n, r) = (system.n, system.branches());
         let (p, m) = system.shape();
         let zero = Complex::zero(simd);
         let mirrored = system.mirrored();
         let mut scale: Vec<_> = (0..n)
-            .map(|i| [&system.stiffness, &system.damping, &system.mass].map(|a| a[i * n + i].abs()))
+            .map(|i| [&system.stiffness, &system.damping, &system.mass].map(|a| size_of_row(a, n, i)))
             .collect();
         for (direction, impedance) in system.directions.iter().zip(impedances) {
             for (i, scale) in scale.iter_mut().enumerate() {
@@ -106,6 +114,7 @@ impl<'a, S: Simd> Solver<'a, S> {
         Self {
             system,
             impedances,
+            count,
             scale,
             floor: vec![Real::splat(simd, 0.0); n],
             scratch: vec![zero; SIDE_BY_SIDE * n],
@@ -194,15 +203,16 @@ impl<'a, S: Simd> Solver<'a, S> {
         let n = self.system.n;
         let (re, im) = s.lane(lane);
         let order: Vec<_> = (0..lanes::<S>()).map(|i| C64::new(i as f64, 0.0)).collect();
-        let line = start + load(simd, &order, 0).lane(lane).0 as usize;
+        let line = (start + load(simd, &order, 0).lane(lane).0 as usize).min(self.count - 1);
+        let singular = || Error::Singular { line, hz: im / std::f64::consts::TAU };
         let z = self.system.dense(C64::new(re, im), self.impedances);
-        let x = pivoted_solve(n, z.clone(), &self.system.inputs).ok_or(Error::Singular { line })?;
+        let x = pivoted_solve(n, z.clone(), &self.system.inputs).ok_or_else(singular)?;
         for (i, value) in x.iter().enumerate() {
             self.x.set_lane(i % n, i / n, lane, (value.re, value.im));
         }
         if let Some(columns) = &mut self.y {
             let transposed = (0..n * n).map(|i| z[i % n * n + i / n]).collect();
-            let y = pivoted_solve(n, transposed, &self.system.outputs).ok_or(Error::Singular { line })?;
+            let y = pivoted_solve(n, transposed, &self.system.outputs).ok_or_else(singular)?;
             for (i, value) in y.iter().enumerate() {
                 columns.set_lane(i % n, i / n, lane, (value.re, value.im));
             }
@@ -256,6 +266,16 @@ fn project_on<S: Simd>(simd: S, directions: &[Direction], x: &Columns<S>, out: &
             };
         }
     }
+}
+
+/// Size of what stands in row i of a symmetric matrix, in the units of its diagonal: the diagonal entry, or what
+/// eliminating another row puts there.
+fn size_of_row(matrix: &[f64], n: usize, i: usize) -> f64 {
+    let beside = (0..n).filter(|&j| j != i && matrix[i * n + j] != 0.0).map(|j| {
+        let (entry, other) = (matrix[i * n + j].abs(), matrix[j * n + j].abs());
+        if other > 0.0 { entry * (entry / other) } else { entry }
+    });
+    beside.fold(matrix[i * n + i].abs(), f64::max)
 }
 
 /// Solves Z x = b for every row b of `rights`; `None` where Z is singular to rounding.

@@ -31,6 +31,7 @@ class Frf:
         outputs: the axes of the sensor frame along which the response is taken, such as ("x", "y", "z").
         inputs: the axes of the sensor frame along which the force acts.
         frame: the name of the sensor frame, if known.
+        input_frame: the name of the frame where the force acts, if it is another one.
 
     Raises:
         FrfError: shapes, labels or kind do not fit, a number is not finite, or frequencies do not increase.
@@ -42,12 +43,15 @@ class Frf:
     outputs: tuple[str, ...]
     inputs: tuple[str, ...]
     frame: str | None = None
+    input_frame: str | None = None
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise FrfError("Frf.kind", found=repr(self.kind), expected=f"one of {', '.join(KINDS)}")
-        if not (self.frame is None or isinstance(self.frame, str)):
-            raise FrfError("Frf.frame", found=repr(self.frame), expected="the name of a frame, or None")
+        for name in ("frame", "input_frame"):
+            frame = getattr(self, name)
+            if not (frame is None or isinstance(frame, str)):
+                raise FrfError(f"Frf.{name}", found=repr(frame), expected="the name of a frame, or None")
         _set(self, "freq_hz", _read_only("Frf.freq_hz", self.freq_hz, np.float64))
         _set(self, "values", _read_only("Frf.values", self.values, np.complex128))
         _set(self, "outputs", _labels("Frf.outputs", self.outputs))
@@ -141,7 +145,7 @@ class Frf:
             how: "average" takes the mean of H and Hᵀ; "upper", "lower" mirror that triangle onto the other.
 
         Raises:
-            FrfError: outputs and inputs are not the same axes in the same order, or `how` is unknown.
+            FrfError: outputs and inputs are not the same axes of one frame in the same order, or `how` is unknown.
         """
         if self.outputs != self.inputs:
             raise FrfError(
@@ -149,6 +153,12 @@ class Frf:
                 found=" ".join(self.inputs),
                 expected=f"the outputs: {' '.join(self.outputs)}",
                 hint="Take the axes that both share, with frf.select(outputs=..., inputs=...).",
+            )
+        if self.input_frame not in (None, self.frame):
+            raise FrfError(
+                "Frf.input_frame",
+                found=f"a force at {self.input_frame!r} and a response at {self.frame!r}",
+                expected="both at one frame, for only such a matrix is symmetric",
             )
         H, Ht = self.values, self.values.swapaxes(1, 2)
         if how == "average":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -68,10 +69,10 @@ def frf(
         lines = np.asarray(freq_hz, float)
     except (TypeError, ValueError) as error:
         raise FrfError("freq_hz", found=f"{type(freq_hz).__name__} ({error})", expected="numbers in Hz") from None
-    empty = Frf(lines, np.zeros((lines.size, len(outputs), len(inputs)), complex), kind, outputs, inputs, frame)
+    empty = Frf(lines, np.zeros((lines.size, len(outputs), len(inputs)), complex), kind, outputs, inputs, frame, input_frame)
     values = responses([model], lines, frame=frame, outputs=outputs, inputs=inputs, input_frame=input_frame)[0]
     omega = 2j * np.pi * empty.freq_hz
-    return Frf(lines, values * (omega ** KINDS.index(kind))[:, None, None], kind, outputs, inputs, frame)
+    return replace(empty, values=values * (omega ** KINDS.index(kind))[:, None, None])
 
 
 def responses(

@@ -77,7 +77,8 @@ def judge(
     touching = [np.log(values / lower) < 1e-3, np.log(upper / values) < 1e-3]
     bound = (touching[0] & (gradient >= 0)) | (touching[1] & (gradient <= 0))
     spread = _standard_deviations(weighted[:, :-1], squared[:, :-1])
-    reach = np.where(np.isinf(spread), np.inf, spread * noise * float(stdtrit(max(freedom, 1), 0.975)))
+    # Without any noise, too, what the data do not see stays open: infinity times more than zero.
+    reach = spread * max(noise, np.finfo(float).tiny) * float(stdtrit(max(freedom, 1), 0.975))
 
     def one(i: int) -> FittedParameter:
         p, value, half = parameters[i], float(values[i]), float(reach[i])
