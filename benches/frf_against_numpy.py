@@ -43,7 +43,9 @@ def main() -> None:
     difference = np.abs(alone()[0] - by_numpy()).max() / np.abs(by_numpy()).max()
     times = interleaved(by_numpy, alone, with_sensitivities, rounds=60, inner=20)
     print(f"n = 9, {len(s)} lines, 3x3 responses, 18 parameters; largest relative difference {difference:.1e}")
-    for name, seconds in zip(("NumPy, FRF alone", "Armonic, FRF alone", "Armonic, FRF and sensitivities"), times, strict=True):
+    for name, seconds in zip(
+        ("NumPy, FRF alone", "Armonic, FRF alone", "Armonic, FRF and sensitivities"), times, strict=True
+    ):
         print(f"{name:32s} {seconds * 1e6:8.1f} µs   {times[0] / seconds:6.1f} times NumPy's speed")
 
 

@@ -7,6 +7,8 @@ import subprocess
 import sys
 from typing import Any
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -189,3 +191,11 @@ def test_the_container_needs_nothing_but_numpy() -> None:
     code = f"import sys, armonic.response; print(sorted({heavy} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_only_a_matrix_of_one_frame_is_made_symmetric() -> None:
+    values = np.ones((2, 1, 1), complex)
+    across = Frf(np.array([1.0, 2.0]), values, "receptance", ("x",), ("x",), frame="tip", input_frame="elbow")
+    with pytest.raises(FrfError, match=r"force at 'elbow' and a response at 'tip'"):
+        across.symmetrized()
+    assert replace(across, input_frame="tip").symmetrized().input_frame == "tip"

@@ -392,3 +392,20 @@ def test_a_massless_coordinate_has_no_state_matrix():
     model = am.linearize(slides([2.0, 0.0], [spring(1.0), spring(1.0)]), [0.0, 0.0])
     with pytest.raises(ModelError, match=r"mass matrix that is not positive definite.*armonic check"):
         model.state_matrix()
+
+
+def test_springs_beside_a_loaded_bushing_are_neither_fitted_nor_varied():
+    # Its load, and the stiffness that comes from it, would change with them.
+    pad = {"name": "pad", "between": ["base", "mass_0"], "stiffness": [3e4, 0, 0, 0, 0, 0], "damping": [9, 0, 0, 0, 0, 0]}
+    loaded = slides([2.0], [spring(1e4, 20.0)], bushings=[pad | {"rest": [0.02]}])
+    at_rest = slides([2.0], [spring(1e4, 20.0)], bushings=[pad])
+    assert am.linearize(loaded, [0.0]).loaded == ("pad",)
+    assert am.linearize(at_rest, [0.0]).loaded == ()
+    model = am.linearize(loaded, [0.0])
+    with pytest.raises(am.FrfError, match=r"loaded bushings pad.*linearize it again"):
+        am.responses([model], [1.0], frame="mass_0", spring=2 * model.spring)
+    H = am.frf(at_rest, [0.0], [10.0, 20.0, 30.0], frame="mass_0", outputs="x", inputs="x")
+    measured = am.Measurement(H, posture=[0.0], frame="mass_0", weights="uniform")
+    with pytest.raises(am.UpdateError, match=r"bushings.pad.stiffness.x: found a bushing that carries load"):
+        am.update(loaded, measured, parameters="bushings.pad.stiffness.x")
+    assert am.update(at_rest, measured, parameters="bushings.pad.stiffness.x").cost < 1e-20

@@ -276,6 +276,9 @@ def test_bushings_take_their_share_from_the_coordinates():
     modes = am.modes(slides([2.0], [spring(1e4)], bushings=[bushing]))
     assert modes.natural_freq_hz[0] == pytest.approx(np.sqrt(4e4 / 2.0) / TURN, rel=1e-13)
     assert modes.participation[0, 0] == pytest.approx(0.25, rel=1e-13)
+    assert modes.bushings == ("pad",)
+    assert modes.bushing_participation[0, 0] == pytest.approx(0.75, rel=1e-13)
+    assert [name for name, _ in modes.movers(0)] == ["pad", "mass_0.tx"]
 
 
 # --- Modal assurance criterion ------------------------------------------------------------------------------

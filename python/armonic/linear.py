@@ -47,6 +47,8 @@ class LinearModel:
         directions: coordinate-space direction of each spring-damper, (r, n).
         spring: their stiffness, (r,).
         damper: their damping, (r,).
+        loaded: bushings that carry load in this posture; part of their stiffness is in `free_stiffness`, since it comes
+            from the load.
     """
 
     robot: Robot = field(repr=False)
@@ -62,6 +64,7 @@ class LinearModel:
     directions: Array
     spring: Array
     damper: Array
+    loaded: tuple[str, ...] = ()
 
     def jacobian(self, frame: str) -> Array:
         """Jacobian of a frame in the frame's own axes, (6, n): velocity x y z over angular velocity rx ry rz.
@@ -168,6 +171,7 @@ def linearize(
         directions=directions,
         spring=spring,
         damper=damper,
+        loaded=_loaded(robot, q, bushings),
     )
 
 
@@ -251,6 +255,13 @@ def _bushings(robot: Robot, q: Array) -> list[_core.Bushing]:
         )
         for bushing in robot.bushings
     ]
+
+
+def _loaded(robot: Robot, q: Array, bushings: list[_core.Bushing]) -> tuple[str, ...]:
+    """Names of the bushings whose force is more than rounding leaves of a deformation of nothing."""
+    forces = [core.force(robot.mechanism, q, np.zeros_like(q)) for core in bushings]
+    pairs = zip(robot.bushings, forces, strict=True)
+    return tuple(b.name for b, force in pairs if np.abs(force).max(initial=0.0) > 1e-12 * np.abs(b.stiffness).max())
 
 
 BUSHING_AXES = ("x", "y", "z", "rx", "ry", "rz")

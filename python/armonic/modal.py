@@ -41,9 +41,11 @@ class Modes:
         oscillatory: whether the mode is one of a pair, (m,).
         shapes: u by columns, (n, m), rad or m, scaled to uᴴ M u = 1 with uᵀ M u real and positive, which for
             proportional damping are the real mass-normalized shapes; the largest entry has a positive real part.
-        participation: share of each coordinate's spring in the elastic energy of a mode, (n, m); columns add up to one
-            minus the share of bushings (of their diagonal stiffness), and are zero for a rigid-body mode. Where springs
-            alone hold the robot (no gravity, no wrench) and damping is small, it is also 2 ∂ln f / ∂ln k.
+        participation: share of each coordinate's spring in the elastic energy of a mode, (n, m). Together with
+            `bushing_participation` a column adds up to one; both are zero for a rigid-body mode. Where springs alone hold
+            the robot (no gravity, no wrench) and damping is small, it is also 2 ∂ln f / ∂ln k.
+        bushings: names of the b bushings.
+        bushing_participation: share of each bushing (of its diagonal stiffness), (b, m).
         stability: "asymptotically stable", "unstable" or "marginal", the three cases of Do et al. 2022, section 3.2.
     """
 
@@ -56,6 +58,8 @@ class Modes:
     oscillatory: NDArray[np.bool_]
     shapes: Complex
     participation: Array
+    bushings: tuple[str, ...]
+    bushing_participation: Array
     stability: Stability
 
     def __len__(self) -> int:
@@ -63,16 +67,17 @@ class Modes:
         return len(self.poles)
 
     def movers(self, mode: int, *, count: int = 3, least: float = 0.05) -> tuple[tuple[str, float], ...]:
-        """Coordinates that store most of a mode's elastic energy, with their shares.
+        """Coordinates and bushings that store most of a mode's elastic energy, with their shares.
 
         Args:
             mode: index of the mode.
             count: at most so many.
             least: smaller shares are left out.
         """
-        share = self.participation[:, mode]
+        names = self.coordinates + self.bushings
+        share = np.concatenate([self.participation[:, mode], self.bushing_participation[:, mode]])
         order = np.argsort(-share)[:count]
-        return tuple((self.coordinates[i], float(share[i])) for i in order if share[i] >= least)
+        return tuple((names[i], float(share[i])) for i in order if share[i] >= least)
 
 
 def modes(
@@ -114,12 +119,7 @@ def modes(
     poles = values[keep]
     shapes = _normalized(y[:, keep], left)
     size = np.abs(poles)
-    stored = [k * np.abs(b @ shapes) ** 2 for b, k in zip(model.directions, model.spring, strict=True)]
-    total = sum(stored, start=np.zeros(len(poles)))
-    energy = np.zeros((n, len(poles)))
-    for name, direction, share in zip(model.impedances, model.directions, stored, strict=True):
-        if name.startswith("links."):
-            energy[np.argmax(direction)] += share
+    own, of_bushings = _energy_shares(model, shapes, noise)
     worst = float(values.real.max())
     tolerance = STABILITY_TOLERANCE * float(np.abs(values).max())
     return Modes(
@@ -131,9 +131,27 @@ def modes(
         damping_ratio=np.divide(-poles.real, size, out=np.zeros(len(poles)), where=size > 0),
         oscillatory=poles.imag > 0,
         shapes=shapes,
-        participation=np.divide(energy, total, out=np.zeros_like(energy), where=total > noise),
+        participation=own,
+        bushings=tuple(bushing.name for bushing in model.robot.bushings),
+        bushing_participation=of_bushings,
         stability="unstable" if worst > tolerance else "marginal" if worst >= -tolerance else "asymptotically stable",
     )
+
+
+def _energy_shares(model: LinearModel, shapes: Complex, noise: float) -> tuple[Array, Array]:
+    """Shares of the coordinates' springs, (n, m), and of the bushings, (b, m), in the elastic energy of every mode."""
+    bushings = [bushing.name for bushing in model.robot.bushings]
+    own = np.zeros((len(model.coordinates), shapes.shape[1]))
+    of_bushings = np.zeros((len(bushings), shapes.shape[1]))
+    for name, direction, spring in zip(model.impedances, model.directions, model.spring, strict=True):
+        stored = spring * np.abs(direction @ shapes) ** 2
+        if name.startswith("bushings."):
+            of_bushings[bushings.index(name.split(".")[1])] += stored
+        else:
+            own[np.argmax(direction)] += stored
+    total = own.sum(axis=0) + of_bushings.sum(axis=0)
+    total = np.where(total > noise, total, np.inf)
+    return own / total, of_bushings / total
 
 
 def _rigid(poles: Complex, shapes: Complex, damping: Array, noise: float) -> NDArray[np.bool_]:

@@ -107,6 +107,14 @@ def responses(
         ModelError: an undamped resonance lies exactly on a line.
     """
     systems = [system(model, frame, tuple(outputs), tuple(inputs), input_frame=input_frame) for model in models]
+    loaded = {name for model in models for name in model.loaded}
+    if loaded and (spring is not None or damper is not None):
+        raise FrfError(
+            "spring, damper",
+            found=f"values beside the loaded bushings {', '.join(sorted(loaded))}",
+            expected="bushings at rest, for the load and its stiffness would change with the springs",
+            hint="Change the robot with `with_values` and linearize it again.",
+        )
     try:
         springs = np.array([m.spring for m in models]) if spring is None else np.asarray(spring, float)
         dampers = np.array([m.damper for m in models]) if damper is None else np.asarray(damper, float)

@@ -105,7 +105,7 @@ def _modes_table(result: Modes) -> Table:
             format_hz(float(result.natural_freq_hz[i])),
             damped,
             f"{100 * result.damping_ratio[i]:.2f}",
-            movers or "rigid body",
+            movers or ("rigid body" if result.poles[i] == 0 else "–"),
         )
     return grid
 

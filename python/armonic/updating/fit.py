@@ -15,7 +15,7 @@ from armonic.modal import Modes, mac, modes
 from armonic.response import Frf
 from armonic.synthesis import AXES, frf, system
 from armonic.updating.measurement import Measurement, levelled
-from armonic.updating.parameters import Parameter, choose
+from armonic.updating.parameters import Parameter, choose, refuse_loaded
 from armonic.updating.solver import Objective, Status, minimize
 from armonic.updating.uncertainty import FittedParameter, judge
 
@@ -122,6 +122,7 @@ def update(
         raise UpdateError("max_evaluations", found=f"{max_evaluations}", expected="at least 1")
     models = [linearize(robot, m.posture) for m in measurements]
     chosen = choose(robot, models[0].impedances, parameters, bounds)
+    refuse_loaded(chosen, {name for model in models for name in model.loaded})
     weights = [m.line_weights() for m in measurements]
     frf_before = tuple(_like(m.frf, model, m.frame) for m, model in zip(measurements, models, strict=True))
     for m, model, weight in zip(measurements, models, weights, strict=True):

@@ -84,6 +84,25 @@ def choose(
     return tuple(chosen)
 
 
+def refuse_loaded(chosen: Iterable[Parameter], loaded: Iterable[str]) -> None:
+    """Refuses the stiffness of bushings that carry load in a measured posture.
+
+    Their load, and the stiffness that comes from it, would change with the parameter; the model holds both fixed.
+
+    Raises:
+        UpdateError: one of them is to be fitted.
+    """
+    for parameter in chosen:
+        for name in loaded:
+            if parameter.path.startswith(f"bushings.{name}.stiffness."):
+                raise UpdateError(
+                    parameter.path,
+                    found="a bushing that carries load in a measured posture",
+                    expected="bushings at rest there",
+                    hint="Remove its `rest`, or leave it out of `parameters`.",
+                )
+
+
 def _checked(path: str, pair: Sequence[float], of_file: tuple[float, float] | None) -> tuple[float, float]:
     try:
         lower, upper = (float(v) for v in pair)
