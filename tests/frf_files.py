@@ -124,9 +124,7 @@ def binary_id(size: int, order: int = 1, floats: int = 2, lines: int = 11) -> st
     return f"b{order:6d}{floats:6d}{lines:12d}{size:12d}{0:6d}{0:6d}{0:12d}{0:12d}"
 
 
-def binary_by_hand(
-    item: str, *, freq_hz: NDArray[np.float64] = EVEN_HZ, even: bool = True, x: str = ""
-) -> bytes:
+def binary_by_hand(item: str, *, freq_hz: NDArray[np.float64] = EVEN_HZ, even: bool = True, x: str = "") -> bytes:
     values = oscillator((1, 1), freq_hz)
     layout = ([] if even else [("x", x or item)]) + [("re", item), ("im", item)]
     rows = np.zeros(freq_hz.size, dtype=layout)

@@ -108,9 +108,7 @@ BAD_UFF: dict[str, tuple[bytes, str]] = {
 
 
 @pytest.mark.parametrize("case", BAD_UFF)
-def test_a_bad_universal_file_is_one_error_that_names_file_fault_and_expectation(
-    tmp_path: Path, case: str
-) -> None:
+def test_a_bad_universal_file_is_one_error_that_names_file_fault_and_expectation(tmp_path: Path, case: str) -> None:
     content, message = BAD_UFF[case]
     with pytest.raises(DataFileError, match=message) as caught:
         read_uff(save(tmp_path / "bad.uff", content))
@@ -202,9 +200,7 @@ def damage(draw: st.DrawFn) -> tuple[str, bytes]:
     """A valid file with bytes flipped, lines taken out or doubled, and its end cut off."""
     name, content = SEEDS[draw(st.sampled_from(sorted(SEEDS)))]
     dice = random.Random(draw(st.integers(0, 2**32)))
-    for action in draw(
-        st.lists(st.sampled_from(["flip", "digit", "drop", "double", "cut"]), min_size=1, max_size=4)
-    ):
+    for action in draw(st.lists(st.sampled_from(["flip", "digit", "drop", "double", "cut"]), min_size=1, max_size=4)):
         spot = dice.randrange(max(len(content), 1))
         if action == "flip":
             content = content[:spot] + bytes([dice.randrange(256)]) + content[spot + 1 :]
@@ -236,9 +232,7 @@ def test_a_damaged_file_is_refused_or_read_as_finite_numbers(
     ),
     content=st.text(max_size=200) | st.text("\n 0123456789+-.,eEx/", max_size=400),
 )
-def test_random_text_is_refused(
-    tmp_path_factory: pytest.TempPathFactory, name: str, head: str, content: str
-) -> None:
+def test_random_text_is_refused(tmp_path_factory: pytest.TempPathFactory, name: str, head: str, content: str) -> None:
     read_or_refuse(tmp_path_factory.getbasetemp(), name, (head + content).encode("utf-8", "surrogatepass"))
 
 

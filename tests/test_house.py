@@ -93,7 +93,9 @@ def test_the_version_is_the_same_everywhere() -> None:
 
 
 def test_no_file_grew_past_a_head_full() -> None:
-    source = [p for folder in ("core", "binding", "python") for p in (ROOT / folder).rglob("*") if p.suffix in (".rs", ".py")]
+    source = [
+        p for folder in ("core", "binding", "python") for p in (ROOT / folder).rglob("*") if p.suffix in (".rs", ".py")
+    ]
     long = {p.name: n for p in source if (n := len(p.read_text("utf-8").splitlines())) > 450}
     assert len(source) > 30
     assert not long

@@ -396,7 +396,12 @@ def test_a_massless_coordinate_has_no_state_matrix():
 
 def test_springs_beside_a_loaded_bushing_are_neither_fitted_nor_varied():
     # Its load, and the stiffness that comes from it, would change with them.
-    pad = {"name": "pad", "between": ["base", "mass_0"], "stiffness": [3e4, 0, 0, 0, 0, 0], "damping": [9, 0, 0, 0, 0, 0]}
+    pad = {
+        "name": "pad",
+        "between": ["base", "mass_0"],
+        "stiffness": [3e4, 0, 0, 0, 0, 0],
+        "damping": [9, 0, 0, 0, 0, 0],
+    }
     loaded = slides([2.0], [spring(1e4, 20.0)], bushings=[pad | {"rest": [0.02]}])
     at_rest = slides([2.0], [spring(1e4, 20.0)], bushings=[pad])
     assert am.linearize(loaded, [0.0]).loaded == ("pad",)

@@ -40,9 +40,7 @@ def test_a_matrix_written_by_pyuff_in_double_precision_is_read_entry_by_entry(
 ) -> None:
     freq_hz = EVEN_HZ if even else UNEVEN_HZ
     dofs = [(o, i) for i in (1, 2) for o in (3, 1, 2)]
-    frf = read_uff(
-        by_pyuff(tmp_path / "a.uff", dofs, freq_hz=freq_hz, even=even, binary=binary), frame="tool"
-    )
+    frf = read_uff(by_pyuff(tmp_path / "a.uff", dofs, freq_hz=freq_hz, even=even, binary=binary), frame="tool")
     assert (frf.kind, frf.outputs, frf.inputs, frf.frame) == (
         "accelerance",
         ("x", "y", "z"),
@@ -227,9 +225,7 @@ def test_other_data_sets_and_functions_are_passed_over(tmp_path: Path) -> None:
     wave = binary_by_hand("<f8").replace(b"\n    4 ", b"\n    1 ", 1)
     frf = read_uff(save(tmp_path / "a.uff", nodes, coherence, wave, by_hand((2, 3)), coherence))
     assert (frf.outputs, frf.inputs) == (("y",), ("z",))
-    with pytest.raises(
-        DataFileError, match=r"2411, 2 of 58 of function type 6 \(coherence\), .*1 \(time response\)"
-    ):
+    with pytest.raises(DataFileError, match=r"2411, 2 of 58 of function type 6 \(coherence\), .*1 \(time response\)"):
         read_uff(save(tmp_path / "b.uff", nodes, coherence, wave, coherence))
 
 

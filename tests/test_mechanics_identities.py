@@ -175,9 +175,7 @@ def test_bias_is_quadratic_in_the_velocity(tree, state):
 
 def test_tangent_matrices_are_the_derivatives_of_inverse_dynamics_and_bushing_forces(tree, state):
     mechanism, (q, qd, qdd), wrenches = tree.mechanism(), state, wrenches_on(tree)
-    bushings = [
-        bushing_between(mechanism, frames, seed=i)[0] for i, frames in enumerate([(0, 1), (2, 3), (1, 3)])
-    ]
+    bushings = [bushing_between(mechanism, frames, seed=i)[0] for i, frames in enumerate([(0, 1), (2, 3), (1, 3)])]
 
     def forces(q: Array, qd: Array, qdd: Array) -> Array:
         tau = mechanism.inverse_dynamics(q, qd, qdd, wrenches=wrenches)

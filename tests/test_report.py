@@ -34,9 +34,7 @@ def fit() -> Fit:
     robot = am.load("huynh_3r")
     start = robot.with_values({path: 1.3 * value for path, value in robot.parameters().items()})
     full = am.frf(robot, "milling", FREQ_HZ, frame="sensor")
-    single = am.frf(robot, [0.2, 1.0, -1.4], FREQ_HZ, frame="sensor", kind="receptance").select(
-        outputs="x", inputs="z"
-    )
+    single = am.frf(robot, [0.2, 1.0, -1.4], FREQ_HZ, frame="sensor", kind="receptance").select(outputs="x", inputs="z")
     return am.update(start, [am.Measurement(full, "milling"), am.Measurement(single, [0.2, 1.0, -1.4])])
 
 
@@ -189,9 +187,7 @@ def test_intervals_are_drawn_to_scale_and_open_ends_as_arrows(fit: Fit) -> None:
     figure = plots.parameter_intervals(replace(fit, parameters=FOUR))
     dots = {trace.name: trace for trace in figure.data if trace.error_x.array is not None}
     assert [dots[p.verdict].y[0] for p in FOUR] == [0, 1, 2, 3]
-    reach = [
-        (1 - dots[v].error_x.arrayminus[0], 1 + dots[v].error_x.array[0]) for v in ("identified", "weak")
-    ]
+    reach = [(1 - dots[v].error_x.arrayminus[0], 1 + dots[v].error_x.array[0]) for v in ("identified", "weak")]
     np.testing.assert_allclose(reach, [(0.95, 1.05), (0.5, 2.0)], rtol=ROUNDING)
     arrows = {(t.marker.symbol, y) for t in figure.data if "triangle" in str(t.marker.symbol) for y in t.y}
     assert arrows == {("triangle-left", 2), ("triangle-right", 2), ("triangle-right", 3)}
@@ -298,9 +294,7 @@ def test_real_poles_are_called_so_and_modes_without_partner_are_kept(fit: Fit) -
         shapes=full.shapes[:, :2],
         participation=full.participation[:, :2],
     )
-    page = Page(
-        render(replace(fit, before=(full,), after=(two,), mac=(np.eye(3)[:, :2],), postures=("milling",)))
-    )
+    page = Page(render(replace(fit, before=(full,), after=(two,), mac=(np.eye(3)[:, :2],), postures=("milling",))))
     rows = [row for row in page.rows if len(row) == 9]
     assert len(rows) == 3
     assert rows[0][6:8] == ["real pole", "100"]

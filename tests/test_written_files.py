@@ -27,9 +27,7 @@ from frf_files import (
 
 
 @pytest.mark.parametrize("binary", [True, False])
-@pytest.mark.parametrize(
-    "freq_hz", [EVEN_HZ, UNEVEN_HZ, np.linspace(10, 200, 152)], ids=["even", "uneven", "thirds"]
-)
+@pytest.mark.parametrize("freq_hz", [EVEN_HZ, UNEVEN_HZ, np.linspace(10, 200, 152)], ids=["even", "uneven", "thirds"])
 def test_what_we_write_pyuff_reads(tmp_path: Path, binary: bool, freq_hz: NDArray[np.float64]) -> None:
     frf = measured(freq_hz)
     write_uff(tmp_path / "a.uff", frf, node=42, binary=binary, name="KR90")
@@ -72,9 +70,7 @@ def test_text_of_a_universal_file_stays_within_its_columns(tmp_path: Path) -> No
     write_uff(tmp_path / "a.uff", frf, name="long " * 50 + "\n    -1\n")
     assert max(map(len, (tmp_path / "a.uff").read_text("ascii").splitlines())) <= 80
     np.testing.assert_allclose(read_uff(tmp_path / "a.uff").values, values, rtol=OUR_TEXT)
-    np.testing.assert_allclose(
-        pyuff.UFF(str(tmp_path / "a.uff")).read_sets(2)["data"], values[:, 0, 0], rtol=OUR_TEXT
-    )
+    np.testing.assert_allclose(pyuff.UFF(str(tmp_path / "a.uff")).read_sets(2)["data"], values[:, 0, 0], rtol=OUR_TEXT)
 
 
 @pytest.mark.parametrize(("frame", "noted"), [("tool tip", "tool tip"), ("Fräser", None), ("t" * 90, None)])
@@ -96,9 +92,7 @@ def test_frequencies_too_close_for_text_are_refused_and_kept_in_binary(tmp_path:
 
 def test_axes_and_nodes_without_a_place_in_the_format_are_refused(tmp_path: Path) -> None:
     with pytest.raises(FrfError, match="found tip"):
-        write_uff(
-            tmp_path / "a.uff", Frf(EVEN_HZ, measured().values, "mobility", ("x", "y", "tip"), ("x", "z"))
-        )
+        write_uff(tmp_path / "a.uff", Frf(EVEN_HZ, measured().values, "mobility", ("x", "y", "tip"), ("x", "z")))
     for node in (0, -1, 10**10):
         with pytest.raises(FrfError, match="node"):
             write_uff(tmp_path / "a.uff", measured(), node=node)
@@ -107,9 +101,7 @@ def test_axes_and_nodes_without_a_place_in_the_format_are_refused(tmp_path: Path
 
 def test_the_written_table_is_plain(tmp_path: Path) -> None:
     values = np.array([[[1 + 2j, 0.1]], [[-1e-9j, 3e20]]])
-    write_csv(
-        tmp_path / "a.csv", Frf(np.array([0.5, 10.0]), values, "accelerance", ("y",), ("x", "y"), "sensor")
-    )
+    write_csv(tmp_path / "a.csv", Frf(np.array([0.5, 10.0]), values, "accelerance", ("y",), ("x", "y"), "sensor"))
     assert (tmp_path / "a.csv").read_bytes().decode() == (
         "# armonic frf kind=accelerance frame=sensor\n"
         "freq_hz,y/x re,y/x im,y/y re,y/y im\n"

@@ -16,6 +16,7 @@ __all__ = ["Bushing", "LinearSystem", "Mechanism", "Problem", "responses"]
 _Real: TypeAlias = NDArray[np.float64]
 _Complex: TypeAlias = NDArray[np.complex128]
 _Wrench: TypeAlias = tuple[int, Sequence[float]]
+_Wrenches: TypeAlias = Sequence[_Wrench] | None
 
 @final
 class Mechanism:
@@ -40,15 +41,15 @@ class Mechanism:
     def mass_matrix(self, q: _Real) -> _Real: ...
     def gravity_torque(self, q: _Real) -> _Real: ...
     def bias(self, q: _Real, qd: _Real) -> _Real: ...
-    def inverse_dynamics(self, q: _Real, qd: _Real, qdd: _Real, *, wrenches: Sequence[_Wrench] | None = None) -> _Real: ...
-    def forward_dynamics(self, q: _Real, qd: _Real, tau: _Real, *, wrenches: Sequence[_Wrench] | None = None) -> _Real: ...
+    def inverse_dynamics(self, q: _Real, qd: _Real, qdd: _Real, *, wrenches: _Wrenches = None) -> _Real: ...
+    def forward_dynamics(self, q: _Real, qd: _Real, tau: _Real, *, wrenches: _Wrenches = None) -> _Real: ...
     def linearize(
         self,
         q: _Real,
         qd: _Real,
         qdd: _Real,
         *,
-        wrenches: Sequence[_Wrench] | None = None,
+        wrenches: _Wrenches = None,
         bushings: Sequence[Bushing] | None = None,
     ) -> _Real: ...
 

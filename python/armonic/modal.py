@@ -42,8 +42,8 @@ class Modes:
         shapes: u by columns, (n, m), rad or m, scaled to uᴴ M u = 1 with uᵀ M u real and positive, which for
             proportional damping are the real mass-normalized shapes; the largest entry has a positive real part.
         participation: share of each coordinate's spring in the elastic energy of a mode, (n, m). Together with
-            `bushing_participation` a column adds up to one; both are zero for a rigid-body mode. Where springs alone hold
-            the robot (no gravity, no wrench) and damping is small, it is also 2 ∂ln f / ∂ln k.
+            `bushing_participation` a column adds up to one; both are zero for a rigid-body mode. Where springs alone
+            hold the robot (no gravity, no wrench) and damping is small, it is also 2 ∂ln f / ∂ln k.
         bushings: names of the b bushings.
         bushing_participation: share of each bushing (of its diagonal stiffness), (b, m).
         stability: "asymptotically stable", "unstable" or "marginal", the three cases of Do et al. 2022, section 3.2.

@@ -91,9 +91,7 @@ def render(fit: Fit, *, title: str | None = None) -> str:
     """The report as a text of HTML; `write_report` writes it to a file."""
     source = resources.files("armonic").joinpath("report.html.j2").read_text("utf-8")
     # Names come from the user's files: everything is escaped but what _embedder made.
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     embed = _embedder()
     return environment.from_string(source).render(
         title=title or f"Model update: {fit.robot.name}",
@@ -139,9 +137,7 @@ def _embedder() -> Callable[[go.Figure], Markup]:
         if figure.layout.width is None:
             figure.update_layout(width=WIDTH)
         return Markup(
-            figure.to_html(
-                full_html=False, include_plotlyjs=False, div_id=f"figure-{number}", config=_PLOT_CONFIG
-            )
+            figure.to_html(full_html=False, include_plotlyjs=False, div_id=f"figure-{number}", config=_PLOT_CONFIG)
         )
 
     return embed
@@ -260,9 +256,7 @@ def _frequencies(modes: Modes) -> list[str]:
 
 
 def _mode(modes: Modes, i: int) -> dict[str, str]:
-    movers = [
-        f"{name} {100 * share:.0f} %".replace(" ", "\N{NO-BREAK SPACE}") for name, share in modes.movers(i)
-    ]
+    movers = [f"{name} {100 * share:.0f} %".replace(" ", "\N{NO-BREAK SPACE}") for name, share in modes.movers(i)]
     return {
         "natural": text.format_hz(float(modes.natural_freq_hz[i])),
         "damped": text.format_hz(float(modes.damped_freq_hz[i])) if modes.oscillatory[i] else "real pole",

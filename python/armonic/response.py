@@ -185,9 +185,7 @@ class Frf:
             )
         return replace(self, freq_hz=self.freq_hz[kept], values=self.values[kept])
 
-    def select(
-        self, *, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None
-    ) -> Frf:
+    def select(self, *, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None) -> Frf:
         """The rows and columns of the named axes, in the order given.
 
         Args:
@@ -223,11 +221,7 @@ def _labels(where: str, labels: Sequence[str]) -> tuple[str, ...]:
     if isinstance(labels, str) or not isinstance(labels, Sequence):
         raise FrfError(where, found=repr(labels), expected=expected)
     found = tuple(labels)
-    if (
-        not found
-        or not all(isinstance(label, str) and label for label in found)
-        or len(set(found)) < len(found)
-    ):
+    if not found or not all(isinstance(label, str) and label for label in found) or len(set(found)) < len(found):
         raise FrfError(where, found=repr(found), expected=expected)
     return found
 

@@ -69,7 +69,9 @@ def frf(
         lines = np.asarray(freq_hz, float)
     except (TypeError, ValueError) as error:
         raise FrfError("freq_hz", found=f"{type(freq_hz).__name__} ({error})", expected="numbers in Hz") from None
-    empty = Frf(lines, np.zeros((lines.size, len(outputs), len(inputs)), complex), kind, outputs, inputs, frame, input_frame)
+    empty = Frf(
+        lines, np.zeros((lines.size, len(outputs), len(inputs)), complex), kind, outputs, inputs, frame, input_frame
+    )
     values = responses([model], lines, frame=frame, outputs=outputs, inputs=inputs, input_frame=input_frame)[0]
     omega = 2j * np.pi * empty.freq_hz
     return replace(empty, values=values * (omega ** KINDS.index(kind))[:, None, None])

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import shlex
+import shutil
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -70,10 +72,11 @@ def _explain(into: Path) -> None:
     start, measured, robot, report = (
         shlex.quote(str(into / name)) for name in (examples.START, examples.MEASURED, ROBOT, REPORT)
     )
+    command = "armonic" if shutil.which("armonic") else shlex.quote(sys.argv[0])
     line(f"Wrote {into / ROBOT} and {into / REPORT}: open the report in a browser.")
     show("", heading("The same by hand, and what to try next"))
-    line(f"  armonic check {start}")
-    line(f"  armonic update {start} {measured} \\")
+    line(f"  {command} check {start}")
+    line(f"  {command} update {start} {measured} \\")
     line(f"      -o {robot} --report {report} --force")
-    line(f"  armonic modes {robot}")
-    line(f"  armonic frf {robot} -o {shlex.quote(str(into / 'updated.uff'))}")
+    line(f"  {command} modes {robot}")
+    line(f"  {command} frf {robot} -o {shlex.quote(str(into / 'updated.uff'))}")

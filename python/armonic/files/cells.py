@@ -61,9 +61,7 @@ def matrix(
             continue
         key, place, name = (cell.output, cell.input), cell.place, f"{cell.output}/{cell.input}"
         if key in found:
-            raise DataFileError(
-                place, found=f"{name} again", expected=f"one function, as at {found[key].place}"
-            )
+            raise DataFileError(place, found=f"{name} again", expected=f"one function, as at {found[key].place}")
         found[key] = cell
         first = next(iter(found.values()))
         if not _same(cell.freq_hz, first.freq_hz):
@@ -105,9 +103,7 @@ def remapping(axes: Mapping[str, str] | None) -> dict[str, tuple[str, float]]:
             )
         signed[source] = (bare, -1.0 if target.startswith("-") else 1.0)
     if len({axis for axis, _ in signed.values()}) < len(AXES):
-        listed = ", ".join(
-            f"{source} on {target}" for source, (target, _) in signed.items() if source != target
-        )
+        listed = ", ".join(f"{source} on {target}" for source, (target, _) in signed.items() if source != target)
         raise FrfError("axes", found=f"two axes that fall on one ({listed})", expected="a permutation")
     return signed
 

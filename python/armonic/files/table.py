@@ -88,9 +88,7 @@ def write_csv(path: str | Path, frf: Frf) -> None:
         for force in frf.inputs:
             header += [f"{output}/{force} re", f"{output}/{force} im"]
     if wrong := [column for column in header[1:] if not _COLUMN.fullmatch(column)]:
-        raise FrfError(
-            "Frf.outputs", found=wrong[0], expected="axes without blanks, commas, slashes and quotes"
-        )
+        raise FrfError("Frf.outputs", found=wrong[0], expected="axes without blanks, commas, slashes and quotes")
     if frf.frame is not None and (not frf.frame.isprintable() or frf.frame != frf.frame.strip()):
         raise FrfError("Frf.frame", found=repr(frf.frame), expected="a name in one line")
     comment = f"# armonic frf kind={frf.kind}" + (f" frame={frf.frame}" if frf.frame else "")
@@ -143,9 +141,7 @@ def _columns(place: str, words: list[str]) -> dict[tuple[str, str], dict[str, in
         parts[match["part"]] = position
     for (output, force), parts in columns.items():
         if len(parts) == 1:
-            raise DataFileError(
-                place, found=f"{output}/{force} {next(iter(parts))} alone", expected="both re and im"
-            )
+            raise DataFileError(place, found=f"{output}/{force} {next(iter(parts))} alone", expected="both re and im")
     return columns
 
 
@@ -154,7 +150,5 @@ def _row(place: str, words: list[str], header: list[str]) -> list[float]:
         raise DataFileError(place, found=f"{len(words)} values", expected=f"{len(header)}, one per column")
     for word, column in zip(words, header, strict=True):
         if not NUMBER.fullmatch(word.strip()) or not np.isfinite(float(word)):
-            raise DataFileError(
-                place, found=f"{shown(word)} for {column.strip()}", expected="a finite number"
-            )
+            raise DataFileError(place, found=f"{shown(word)} for {column.strip()}", expected="a finite number")
     return [float(word) for word in words]

@@ -112,9 +112,7 @@ class _Reader:
         self.data, self.name = data, name
         self.offset = self.start = 0
 
-    def error(
-        self, found: str, expected: str, hint: str | None = None, *, at: int | None = None
-    ) -> DataFileError:
+    def error(self, found: str, expected: str, hint: str | None = None, *, at: int | None = None) -> DataFileError:
         line = 1 + self.data.count(b"\n", 0, self.offset if at is None else at)
         return DataFileError(f"{self.name}, line {line}", found=found, expected=expected, hint=hint)
 
@@ -196,14 +194,10 @@ def _read_164(reader: _Reader, body: bytes) -> Units:
     lines = _text(body).split("\n")
     words = " ".join(lines[1:]).split()
     if len(words) < 2:
-        raise reader.error(
-            f"{len(words)} unit factors", "factors for length and force (data set 164)", at=reader.start
-        )
+        raise reader.error(f"{len(words)} unit factors", "factors for length and force (data set 164)", at=reader.start)
     factors = [reader.number(word, "a unit factor (data set 164)", reader.start) for word in words[:2]]
     if min(factors) <= 0:
-        raise reader.error(
-            f"a unit factor of {min(factors):g}", "positive factors (data set 164)", at=reader.start
-        )
+        raise reader.error(f"a unit factor of {min(factors):g}", "positive factors (data set 164)", at=reader.start)
     return Units(factors[0], factors[1], reader.integer(lines[0][:10], "units code", reader.start))
 
 
@@ -211,9 +205,7 @@ def _read_58(reader: _Reader, units: Units, binary: str | None) -> tuple[int, Fu
     records, places = [], []
     for count in range(HEADER_LINES):
         if reader.offset >= len(reader.data) or _CLOSE.match(reader.data, reader.offset):
-            raise reader.error(
-                f"{count} header lines", f"{HEADER_LINES} header lines of data set 58", _TRUNCATED
-            )
+            raise reader.error(f"{count} header lines", f"{HEADER_LINES} header lines of data set 58", _TRUNCATED)
         places.append(reader.offset)
         records.append(reader.line())
     dof, form, abscissa, ordinate, denominator = records[5:10]

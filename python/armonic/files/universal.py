@@ -111,9 +111,7 @@ def write_uff(
     """
     for where, labels in (("Frf.outputs", frf.outputs), ("Frf.inputs", frf.inputs)):
         if unknown := [label for label in labels if label not in AXES]:
-            raise FrfError(
-                where, found=", ".join(unknown), expected=f"some of {', '.join(AXES)} for a universal file"
-            )
+            raise FrfError(where, found=", ".join(unknown), expected=f"some of {', '.join(AXES)} for a universal file")
     if not 0 < node <= _NODE_MAX:
         raise FrfError("node", found=repr(node), expected=f"1 to {_NODE_MAX}")
     functions = [
@@ -188,21 +186,15 @@ def _axis(place: str, end: str, direction: int) -> tuple[str, float]:
 def _si_factor(place: str, function: Function, output: str, force: str) -> float:
     """The factor from the units that the file states to SI; where it contradicts itself, an error."""
     units = function.units
-    hint = (
-        "Say what the values are with scale=: 1.0 if they are SI, 9.80665 if they are in g, 0.001 if in mm."
-    )
+    hint = "Say what the values are with scale=: 1.0 if they are SI, 9.80665 if they are in g, 0.001 if in mm."
     if units.code == 1 and (abs(units.length - 1) > 1e-6 or abs(units.force - 1) > 1e-6):
         found = f"units code 1 (SI) with factors {units.length:g} for length and {units.force:g} for force"
         raise DataFileError(place, found=found, expected="factors of 1 for SI (data set 164)", hint=hint)
     length, newton = _unit(function.response_unit), _unit(function.reference_unit)
     if length in _GRAVITIES or (length in _LENGTHS and units.length == 1):
-        raise DataFileError(
-            place, found=f"values labelled {function.response_unit!r}", expected="SI", hint=hint
-        )
+        raise DataFileError(place, found=f"values labelled {function.response_unit!r}", expected="SI", hint=hint)
     if newton in _FORCES and units.force == 1:
-        raise DataFileError(
-            place, found=f"forces labelled {function.reference_unit!r}", expected="N", hint=hint
-        )
+        raise DataFileError(place, found=f"forces labelled {function.reference_unit!r}", expected="N", hint=hint)
     per_response = 1.0 if output in AXES[3:] else units.length
     per_force = units.force * (units.length if force in AXES[3:] else 1.0)
     return per_force / per_response

@@ -188,8 +188,7 @@ class _Panel:
                 "line": {"color": "#dfe3e7", "width": 5},
                 "showlegend": False,
             },
-            common
-            | {"x": [x for x, _ in ends], "y": [y for _, y in ends], "mode": "markers", "marker": tick},
+            common | {"x": [x for x, _ in ends], "y": [y for _, y in ends], "mode": "markers", "marker": tick},
         ]
 
     def _dots(self, verdict: Verdict) -> Iterator[dict[str, Any]]:

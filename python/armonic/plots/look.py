@@ -19,9 +19,7 @@ VERDICT_COLOURS = dict(zip(VERDICTS, ("#00805e", "#c98a00", "#6b747d", "#a2478a"
 """Told apart with the common colour deficiencies; each verdict has its own marker as well."""
 VERDICT_MARKERS = dict(zip(VERDICTS, ("circle", "diamond", "x", "square"), strict=True))
 
-FONT_STACK = (
-    "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'Liberation Sans', Arial, sans-serif"
-)
+FONT_STACK = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'Liberation Sans', Arial, sans-serif"
 
 _AXIS = {
     "showline": True,
@@ -82,9 +80,7 @@ def log_axis(values: NDArray[np.float64], *, least: float = 0.0) -> dict[str, An
     low, high = low - margin, high + margin
     axis = {"type": "log", "range": [low, high]}
     if high - low < 1.3:
-        ticks = [
-            figure * 10.0**n for n in range(math.floor(low), math.ceil(high) + 1) for figure in (1, 2, 5)
-        ]
+        ticks = [figure * 10.0**n for n in range(math.floor(low), math.ceil(high) + 1) for figure in (1, 2, 5)]
         return axis | {"tickvals": ticks, "ticktext": [format_si(tick, digits=1) for tick in ticks]}
     # Powers of ten are drawn a quarter larger than the size given.
     power = {"exponentformat": "power", "tickfont": {"size": 9, "color": MUTED}}

@@ -76,9 +76,7 @@ def _common(frfs: Mapping[str, Frf]) -> Frf:
     first = next(iter(frfs.values()))
     for label, frf in frfs.items():
         if (frf.kind, frf.outputs, frf.inputs) != (first.kind, first.outputs, first.inputs):
-            raise FrfError(
-                f"frfs[{label!r}]", found=repr(frf), expected=f"kind and axes of the first: {first!r}"
-            )
+            raise FrfError(f"frfs[{label!r}]", found=repr(frf), expected=f"kind and axes of the first: {first!r}")
     return first
 
 
@@ -153,9 +151,7 @@ class _Cell:
     def _first_of_row(self) -> str:
         return "" if self.row == 0 else str(2 * self.row * self.columns + 1)
 
-    def draw(
-        self, name: str, freq_hz: Array, magnitude: Array, phase: Array, unit: str, style: dict[str, Any]
-    ) -> None:
+    def draw(self, name: str, freq_hz: Array, magnitude: Array, phase: Array, unit: str, style: dict[str, Any]) -> None:
         """One response; the phase is torn where it leaves the pane and comes back on the other side."""
         torn = 1 + np.flatnonzero(np.abs(np.diff(phase)) > 180)
         torn_freq_hz, torn_phase = np.insert(freq_hz, torn, np.nan), np.insert(phase, torn, np.nan)
@@ -165,12 +161,8 @@ class _Cell:
             "mode": "lines" if freq_hz.size > 1 else "markers",
         }
         named = self.upper == "1"
-        self._scatter(
-            self.upper, common, freq_hz, magnitude, hovertemplate=f"%{{y:.3e}} {unit}", showlegend=named
-        )
-        self._scatter(
-            self.lower, common, torn_freq_hz, torn_phase, hovertemplate="%{y:.1f}°", showlegend=False
-        )
+        self._scatter(self.upper, common, freq_hz, magnitude, hovertemplate=f"%{{y:.3e}} {unit}", showlegend=named)
+        self._scatter(self.lower, common, torn_freq_hz, torn_phase, hovertemplate="%{y:.1f}°", showlegend=False)
 
     def _scatter(self, pane: str, common: dict[str, Any], x: Array, y: Array, **more: Any) -> None:
         number = pane if pane != "1" else ""
@@ -180,9 +172,7 @@ class _Cell:
 def _phase_deg(freq_hz: Array, values: NDArray[np.complex128], near: tuple[Array, Array] | None) -> Array:
     """Phase followed along the lines with the fewest jumps, on the branch of another curve if near it."""
     wrapped = np.degrees(np.angle(values))
-    guide = (
-        near[1] if near is not None and np.array_equal(near[0], freq_hz) else np.full(freq_hz.shape, np.nan)
-    )
+    guide = near[1] if near is not None and np.array_equal(near[0], freq_hz) else np.full(freq_hz.shape, np.nan)
     starts = [wrapped[0] + turn for turn in (0, -360, 360) if abs(wrapped[0] + turn) <= PHASE_LIMIT_DEG]
     curves = [_followed(wrapped, start, guide) for start in starts]
     return min(curves, key=lambda curve: np.count_nonzero(np.abs(np.diff(curve)) > 180))
@@ -237,9 +227,7 @@ def mac_matrix(
     """
     mac = np.asarray(values, float)
     if mac.shape != (len(rows), len(columns)):
-        raise FrfError(
-            "mac", found=f"shape {mac.shape}", expected=f"{len(rows)} rows and {len(columns)} columns"
-        )
+        raise FrfError("mac", found=f"shape {mac.shape}", expected=f"{len(rows)} rows and {len(columns)} columns")
     largest = max(1, *mac.shape)
     cell = min(64.0, 400 / largest)
     written = cell >= 24
