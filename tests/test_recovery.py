@@ -251,3 +251,12 @@ def test_levelled_weights_lose_their_emphasis_and_keep_what_was_turned_down() ->
     assert (levelled(peaks) == 0.5).all()
     weights = np.array([0.0, 1e-6, 1.0, 1.0, 1.0, 1.0, 1.0, 80.0, 80.0])[:, None, None]
     assert levelled(weights).ravel().tolist() == [0.0, 1e-6, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0]
+
+
+def test_a_force_at_another_frame_than_the_sensor_is_fitted_as_such() -> None:
+    truth = am.load("huynh_3r")
+    H = am.frf(truth, "milling", FREQ_HZ, frame="sensor", inputs="y", input_frame="arm")
+    start = truth.with_values({path: 1.5 * value for path, value in truth.parameters().items()})
+    fit = am.update(start, am.Measurement(H, posture="milling"))
+    for path, value in truth.parameters().items():
+        assert fit.robot.parameters(path)[path] == pytest.approx(value, rel=1e-6)  # noise-free

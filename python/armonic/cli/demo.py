@@ -72,7 +72,8 @@ def _explain(into: Path) -> None:
     start, measured, robot, report = (
         shlex.quote(str(into / name)) for name in (examples.START, examples.MEASURED, ROBOT, REPORT)
     )
-    command = "armonic" if shutil.which("armonic") else shlex.quote(sys.argv[0])
+    typed = Path(sys.argv[0])  # a path where the virtual environment is not active
+    command = shlex.quote(str(typed)) if typed.name == "armonic" and not shutil.which("armonic") else "armonic"
     line(f"Wrote {into / ROBOT} and {into / REPORT}: open the report in a browser.")
     show("", heading("The same by hand, and what to try next"))
     line(f"  {command} check {start}")

@@ -124,7 +124,7 @@ def update(
     chosen = choose(robot, models[0].impedances, parameters, bounds)
     refuse_loaded(chosen, {name for model in models for name in model.loaded})
     weights = [m.line_weights() for m in measurements]
-    frf_before = tuple(_like(m.frf, model, m.frame) for m, model in zip(measurements, models, strict=True))
+    frf_before = tuple(_like(m, model) for m, model in zip(measurements, models, strict=True))
     for m, model, weight in zip(measurements, models, weights, strict=True):
         _refuse_absent(m, model, weight)
     free = [p.index for p in chosen]
@@ -147,7 +147,7 @@ def update(
     first = {model.posture: i for i, model in reversed(list(enumerate(models)))}
     order = sorted(first.values())
     modes_before, modes_after = (tuple(modes(side[i]) for i in order) for side in (models, after))
-    frf_after = tuple(_like(m.frf, model, m.frame) for m, model in zip(measurements, after, strict=True))
+    frf_after = tuple(_like(m, model) for m, model in zip(measurements, after, strict=True))
     return Fit(
         robot=updated,
         start=robot,
@@ -175,8 +175,8 @@ def _refuse_absent(m: Measurement, model: LinearModel, weight: Array) -> None:
 
     It comes out as zero, or as what rounding leaves of it, whatever the parameters; its logarithm means nothing.
     """
-    J = model.jacobian(m.frame)
-    reach = np.repeat(np.abs(J).reshape(2, 3, -1).max(axis=1), 3, axis=0)
+    watched, hit = model.jacobian(m.frame), model.jacobian(m.frf.input_frame or m.frame)
+    reach_out, reach_in = (np.repeat(np.abs(J).reshape(2, 3, -1).max(axis=1), 3, axis=0) for J in (watched, hit))
     rows, columns = ([AXES.index(axis) for axis in axes] for axes in (m.frf.outputs, m.frf.inputs))
     used = np.flatnonzero((weight > 0).any(axis=(1, 2)))
     s = 2j * np.pi * m.frf.freq_hz[used[[0, len(used) // 2, -1]], None, None]
@@ -184,8 +184,8 @@ def _refuse_absent(m: Measurement, model: LinearModel, weight: Array) -> None:
         X = np.linalg.inv(s**2 * model.mass + s * model.damping + model.stiffness)
     except np.linalg.LinAlgError:
         return
-    size = np.abs(J[rows] @ X @ J[columns].T)
-    scale = reach[rows] @ np.abs(X) @ reach[columns].T
+    size = np.abs(watched[rows] @ X @ hit[columns].T)
+    scale = reach_out[rows] @ np.abs(X) @ reach_in[columns].T
     absent = (size <= ROUNDING * scale).all(axis=0) & (weight > 0).any(axis=0)
     if absent.any():
         a, b = (int(i) for i in np.argwhere(absent)[0])
@@ -208,7 +208,8 @@ def _problem(
         points = 2j * np.pi * m.frf.freq_hz
         kept = (points != 0) | (power == 0)
         values = m.frf.values[kept] / (points[kept] ** power)[:, None, None]
-        targets.append((system(model, m.frame, m.frf.outputs, m.frf.inputs), points[kept], values, weight[kept]))
+        core = system(model, m.frame, m.frf.outputs, m.frf.inputs, input_frame=m.frf.input_frame)
+        targets.append((core, points[kept], values, weight[kept]))
     return _core.Problem(targets)
 
 
@@ -231,8 +232,16 @@ def _judged(
     return judge(chosen, values, objective.triangle(values), squared, noise=noise, freedom=freedom), noise
 
 
-def _like(measured: Frf, model: LinearModel, frame: str) -> Frf:
+def _like(m: Measurement, model: LinearModel) -> Frf:
     """The model's response in the lines, axes and kind of a measurement."""
+    H = m.frf
     return frf(
-        model, None, measured.freq_hz, frame=frame, kind=measured.kind, outputs=measured.outputs, inputs=measured.inputs
+        model,
+        None,
+        H.freq_hz,
+        frame=m.frame,
+        kind=H.kind,
+        outputs=H.outputs,
+        inputs=H.inputs,
+        input_frame=H.input_frame,
     )

@@ -33,7 +33,8 @@ class Measurement:
     """A measured frequency response matrix and where it was taken.
 
     Args:
-        frf: the measured responses; any subset of the nine of a sensor frame.
+        frf: the measured responses; any subset of the nine of a sensor frame. Where it names an `input_frame`, the
+            force acted there.
         posture: name of the robot's posture, or joint coordinates (rad, m).
         frame: the sensor's frame on the robot; that of the FRF if it knows one.
         weights: "peaks" for the paper's automatic weights, "uniform" for one everywhere, or numbers of zero or more per
