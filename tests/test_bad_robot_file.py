@@ -82,6 +82,23 @@ def test_the_first_error_in_the_file_is_told_and_the_others_counted() -> None:
     assert error.hint == "Did you mean mass? There are 2 more errors."
 
 
+def test_the_first_error_brings_all_of_them_in_the_order_of_the_file() -> None:
+    text = GOOD.replace("mass: 5", "mass: heavy").replace("mass: 10", "mas: 10").replace("home: [", "7home: [")
+    errors = refusal(text).errors
+    assert [error.where.rpartition(", ")[2] for error in errors] == [
+        "links.first.mas",
+        "links.second.mass",
+        "postures.7home",
+    ]
+    assert (errors[0].hint, errors[1].found) == ("Did you mean mass?", "'heavy'")
+    assert refusal(GOOD.replace("mass: 5", "mass: heavy")).errors == ()
+
+
+def test_errors_that_only_names_reveal_are_brought_too() -> None:
+    text = GOOD.replace("parent: base", "parent: bases").replace("parent: first", "parent: frist")
+    assert [error.hint for error in refusal(text).errors] == ["Did you mean base?", "Did you mean first?"]
+
+
 def test_errors_in_every_link_hide_none_of_them() -> None:
     error = refusal(GOOD.replace("mass: ", "mass: -"))
     assert error.where == "robots/test.yaml, line 13, links.first.mass"

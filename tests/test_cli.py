@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
 
@@ -14,11 +12,23 @@ import pytest
 
 import armonic as am
 from armonic import cli
-from armonic.cli import demo, fitting
+from armonic.cli import demo
 from command_line import EXAMPLES, MEASURED, START, TRUE, WIDTH, Armonic, Run, files
 from published import HUYNH_3R, KUKA_KR90
 
-PATTERN = "links.arm.elasticity.z.*"  # the two parameters that the example determines best
+PLANAR = """\
+armonic: 1
+name: planar
+links:
+  - {name: upper, parent: base, placement: [{rx: 90 deg}], joint: {type: revolute, axis: z},
+     elasticity: {z: {stiffness: 1e5, damping: 30}}, mass: 10, com: [0.4, 0, 0], inertia: {xx: 0.1, yy: 0.5, zz: 0.5}}
+  - {name: lower, parent: upper, placement: [{x: 0.8}], joint: {type: revolute, axis: z},
+     elasticity: {z: {stiffness: 1e5, damping: 30}}, mass: 10, com: [0.4, 0, 0], inertia: {xx: 0.1, yy: 0.5, zz: 0.5}}
+frames:
+  - {name: tip, link: lower, placement: [{x: 0.8}, {rx: -90 deg}]}
+postures: {bent: [0.3, 0.7]}
+"""
+"""Moves in the x-z plane; along y the tip stands still but for rounding."""
 
 
 @pytest.fixture
@@ -105,90 +115,44 @@ def test_the_highest_peak_that_frf_prints_lies_at_a_published_mode(armonic: Armo
     assert np.shape(data["re"]) == np.shape(data["im"]) == (2991, 3, 3)
 
 
-def test_update_recovers_the_true_values_and_writes_robot_and_report(armonic: Armonic, tmp_path: Path) -> None:
-    robot, report = tmp_path / "new.yaml", tmp_path / "r.html"
-    data = armonic("update", TRUE, MEASURED, "-o", robot, "--report", report, "--parameters", PATTERN, "--json").json
-    assert data["status"] == "converged"
-    assert data["written"] == {"robot": str(robot), "report": str(report)}
-    stiffness, damping = data["parameters"]
-    for parameter, true in ((stiffness, 2.8e6), (damping, 200.0)):
-        low, high = parameter["interval"]
-        # Twice a 95 % interval holds the true value with a probability of 99.99 %.
-        assert abs(np.log(parameter["value"] / true)) < np.log(high / low)
-        assert parameter["verdict"] == "identified"
-    assert am.load(robot).parameters(PATTERN) == pytest.approx({p["path"]: p["value"] for p in data["parameters"]})
-    assert report.read_text("utf-8").lstrip().lower().startswith("<!doctype html>")
-    assert files(tmp_path) == ["new.yaml", "r.html"]
+def test_frf_says_which_modes_its_default_lines_leave_out_and_how_to_see_them(armonic: Armonic) -> None:
+    above = sum(hz > 30 for hz in KUKA_KR90.all_damped_freq_hz_earlier_work)
+    last = armonic("frf", "kuka_kr90").out.splitlines()[-1]
+    assert last.startswith(f"{above} of 9 modes lie above 30 Hz: see them with --freq ")
+    start, stop, step = map(float, last.split()[-1].split(":"))
+    assert start == step
+    assert max(KUKA_KR90.all_damped_freq_hz_earlier_work) < stop
+    assert stop / step < 1000  # no flood of lines
+    assert armonic("frf", "kuka_kr90", "--freq", last.split()[-1]).code == 0
+    # No word where all are seen, and where somebody chose the lines.
+    for words in (("huynh_3r",), ("kuka_kr90", "--freq", "1:9:1")):
+        assert "above" not in armonic("frf", *words).out
 
 
-def test_update_takes_several_files_each_with_its_posture_and_the_options_of_reading(
-    armonic: Armonic, tmp_path: Path
-) -> None:
-    second, new = tmp_path / "second.csv", tmp_path / "new.yaml"
-    armonic("frf", TRUE, "--posture", "0.5,1,-1", "-o", second, "--freq", "1:30:0.5")
-    data = armonic(
-        *("update", TRUE, MEASURED, second, "-o", new, "--json", "--parameters", PATTERN),
-        *("--posture", "milling", "--posture", "0.5,1,-1", "--frame", "sensor", "--band", "5:28"),
-        *("--symmetrize", "average", "--weights", "uniform", "--bounds", f"{PATTERN}=1:1e9"),
-    ).json  # fmt: skip
-    assert [entry["posture"] for entry in data["postures"]] == ["milling", "0.5,1,-1"]
-    assert [p["bounds"] for p in data["parameters"]] == [[1, 1e9]] * 2
+def test_frf_prints_no_peaks_of_a_response_that_is_zero(armonic: Armonic, tmp_path: Path) -> None:
+    (tmp_path / "planar.yaml").write_text(PLANAR, "utf-8")
+    words = ("frf", tmp_path / "planar.yaml", "--freq", "0.5:30:0.5")
+    rows = {row[0]: row[1:] for row in map(str.split, armonic(*words).out.splitlines()) if row and "/" in row[0]}
+    assert all(rows[f"{a}/{b}"] == ["–"] * 3 for a, b in ("xy", "yx", "yy", "yz", "zy"))
+    assert rows["x/x"][1] == "at"
+    peaks = armonic(*words, "--json").json["peaks"]
+    assert {peak["output"] + peak["input"] for peak in peaks} <= {"xx", "xz", "zx", "zz"}
 
 
-def test_update_without_options_takes_frame_and_posture_from_file_and_robot(armonic: Armonic, tmp_path: Path) -> None:
-    run = armonic("update", TRUE, MEASURED, "-o", tmp_path / "new.yaml", "--parameters", PATTERN)
-    assert (run.code, run.err) == (0, "")
-    assert "The fit converged." in run.words
-    assert "Modes in posture milling" in run.words
-    assert files(tmp_path) == ["new.yaml"]
-
-
-@contextmanager
-def interrupting() -> Iterator[Callable[[int, float], None]]:
-    """In place of the progress bar: Ctrl-C at the third evaluation."""
-
-    def interrupt(evaluations: int, cost: float) -> None:
-        if evaluations == 3:
-            raise KeyboardInterrupt
-
-    yield interrupt
-
-
-def test_ctrl_c_in_a_fit_keeps_the_best_so_far(
-    armonic: Armonic, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(fitting, "fit_progress", interrupting)
-    robot, report = tmp_path / "new.yaml", tmp_path / "r.html"
-    run = armonic("update", START, MEASURED, "-o", robot, "--report", report)
-    assert run.code == 130
-    assert run.err == "interrupted: the best of 3 evaluations was kept and written\n"
-    assert "The fit was interrupted" in run.words
-    assert am.load(robot).parameters() != am.load(START).parameters()
-    assert files(tmp_path) == ["new.yaml", "r.html"]
-
-
-def test_ctrl_c_before_the_fit_writes_nothing(
-    armonic: Armonic, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def interrupt(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("armonic.cli.arguments.open_robot", interrupt)
-    assert armonic("update", START, MEASURED, "-o", tmp_path / "new.yaml") == Run(130, "", "")
-    assert files(tmp_path) == []
-
-
-def test_a_report_that_fails_leaves_no_robot_behind(
-    armonic: Armonic, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail(fit: am.Fit, path: Path) -> None:
-        path.write_text("half")
-        raise OSError(28, "No space left on device", str(path))
-
-    monkeypatch.setattr("armonic.report.write_report", fail)
-    words = ("--parameters", PATTERN, "-o", tmp_path / "new.yaml", "--report", tmp_path / "r.html")
-    assert "No space left" in armonic("update", TRUE, MEASURED, *words).error
-    assert files(tmp_path) == []
+def test_frf_prints_the_values_at_a_single_line(armonic: Armonic, tmp_path: Path) -> None:
+    (tmp_path / "planar.yaml").write_text(PLANAR, "utf-8")
+    run = armonic("frf", tmp_path / "planar.yaml", "--freq", "10:10:1", "--kind", "receptance")
+    rows = {row[0]: row[1:] for row in map(str.split, run.out.splitlines()) if row and "/" in row[0]}
+    robot = am.load(tmp_path / "planar.yaml")
+    # The response to a unit force from the mass, damping and stiffness matrices, solved as equations.
+    model, w = am.linearize(robot, "bent"), 2 * np.pi * 10
+    dynamic = model.stiffness + 1j * w * model.damping - w**2 * model.mass
+    along_x = model.jacobian("tip")[0]
+    value = along_x @ np.linalg.solve(dynamic, along_x)
+    assert "at 10 Hz" in run.words
+    assert float(rows["x/x"][0]) == pytest.approx(abs(value), rel=6e-3)  # three digits are printed
+    assert float(rows["x/x"][1].removesuffix("°")) == pytest.approx(np.degrees(np.angle(value)), abs=0.051)
+    assert rows["x/y"] == ["–", "–"]
 
 
 def test_demo_fits_the_kuka_and_says_how_to_do_it_by_hand(armonic: Armonic, tmp_path: Path) -> None:
@@ -257,6 +221,23 @@ def test_check_has_nothing_to_say_of_a_good_file_and_prints_findings_of_others(
     assert [f["level"] for f in armonic("check", doubtful, "--json").json["findings"]] == ["warning"]
     assert armonic("check", wrong).error
     assert "mass" in armonic("check", invalid).error
+
+
+def test_check_lists_every_error_of_an_invalid_file_in_its_order(armonic: Armonic, tmp_path: Path) -> None:
+    text = Path(TRUE).read_text("utf-8").replace("mass: 222.659", "mass: -1").replace("type: revolute", "type: rotary")
+    invalid = tmp_path / "invalid.yaml"
+    invalid.write_text(text, "utf-8")
+    lines = [i for i, row in enumerate(text.splitlines(), 1) if "rotary" in row or "mass: -1" in row]
+    run = armonic("check", invalid)
+    assert run.error == f"error: {invalid}: 4 errors found."
+    places = [row.split()[2].rstrip(",") for row in run.out.splitlines() if row.startswith("error")]
+    assert places == [str(line) for line in lines]
+    assert "more error" not in run.words  # they are all there
+    run = armonic("check", invalid, "--json")
+    assert run.error
+    data = Run(0, run.out, "").json
+    assert data["ok"] is False
+    assert [f["where"].partition(",")[0] for f in data["findings"]] == [f"line {line}" for line in lines]
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+import armonic as am
 from armonic import cli
 from command_line import MEASURED, START, TRUE, WIDTH, Armonic, Run, files
 
@@ -125,6 +126,19 @@ def test_frf_refuses(armonic: Armonic, tmp_path: Path, words: tuple[str, ...], s
         ((*UPDATE, "--axes", "x:y"), "two axes that fall on one"),
         ((*UPDATE, "--outputs", "rx"), "no response"),
         ((*UPDATE, "--response-node", "7"), "node 7"),
+        ((*UPDATE, "--responses", "xx"), "pairs output/input"),
+        ((*UPDATE, "--responses", "x/x,x/x"), "pairs output/input"),
+        ((*UPDATE, "--responses", "x/x/x"), "pairs output/input"),
+        ((*UPDATE, "--responses", "x/q"), "pairs output/input"),
+        ((*UPDATE, "--responses", ""), "pairs output/input"),
+        ((*UPDATE, "--responses", "rx/x"), "no response rx/x"),
+        ((*UPDATE, "--responses", "x/x", "--outputs", "x"), "--outputs as well"),
+        ((*UPDATE, "--responses", "x/x", "--inputs", "x"), "--inputs as well"),
+        ((*UPDATE, "--responses", "x/x", "--symmetrize", "average"), "--symmetrize as well"),
+        ((*UPDATE, "--parameters", "arm.z"), "Did you mean links.arm.elasticity.z.*?"),
+        ((*UPDATE, "--parameters", "arm.z.damping"), "Did you mean links.arm.elasticity.z.damping?"),
+        ((*UPDATE, "--parameters", "z"), "Did you mean links.*.elasticity.z.*?"),
+        ((*UPDATE, "--parameters", "arn.z"), "The first of 18"),
         (("check", "nothing.yaml"), "found no file there"),
         (("check", MEASURED), "kuka_milling.uff"),
         (("demo", "--into", MEASURED), "found a file"),
@@ -179,8 +193,10 @@ def test_a_posture_and_a_frame_must_be_chosen_where_there_are_several(armonic: A
         text.replace("postures:", "  - {name: tip, link: arm}\npostures:\n  home: [0, 0, 0]"), "utf-8"
     )
     (tmp_path / "none.yaml").write_text(text[: text.index("frames:")], "utf-8")
-    assert "one of home, milling" in armonic("modes", "two.yaml").error
-    assert "one of sensor, tip" in armonic("frf", "two.yaml", "--posture", "home").error
+    assert "--posture: found no posture, expected one of home, milling." in armonic("modes", "two.yaml").error
+    assert (
+        "--frame: found no frame, expected one of sensor, tip." in armonic("frf", "two.yaml", "--posture", "home").error
+    )
     assert "carousel.z, link_arm.z, arm.z" in armonic("modes", "none.yaml").error
     assert "one of base, carousel" in armonic("frf", "none.yaml", "--posture", "0,0,0").error
 
@@ -191,15 +207,72 @@ def test_options_that_only_universal_files_have_are_refused_with_csv(armonic: Ar
     assert files(tmp_path) == ["m.csv"]
 
 
-def test_errors_in_json_mode_keep_stdout_clean_except_for_findings(armonic: Armonic, tmp_path: Path) -> None:
-    for words in (("modes", "nobody"), ("frf", "huynh_3r", "--freq", "x"), UPDATE[:3]):
-        run = armonic(*words, "--json")
-        assert run.error
-        assert run.out == ""
+@pytest.mark.parametrize(
+    ("words", "where", "hint"),
+    [
+        (("modes", "nobody"), "nobody", None),
+        (("modes", "kuka_kr9"), "kuka_kr9", "Did you mean kuka_kr90?"),
+        (("frf", "huynh_3r", "--freq", "x"), "--freq", None),
+        (("demo", "--into", f"{MEASURED}/demo"), f"{MEASURED}/demo", None),
+        (("modes",), "armonic modes", "See `armonic modes --help`."),
+        (UPDATE[:3], "armonic update", "See `armonic update --help`."),
+    ],
+)
+def test_with_json_an_error_is_an_object_too(
+    armonic: Armonic, words: tuple[str, ...], where: str, hint: str | None
+) -> None:
+    run = armonic(*words, "--json")
+    error = Run(0, run.out, "").json["error"]
+    assert set(error) == {"where", "found", "expected", "hint", "message"}
+    assert run.error == f"error: {error['message']}"
+    assert (error["where"], error["hint"]) == (where, hint)
+    assert error["found"] in error["message"]
+
+
+def test_check_with_json_finds_what_makes_a_file_invalid(armonic: Armonic, tmp_path: Path) -> None:
     (tmp_path / "bad.yaml").write_text("armonic: 1\nname: bad\nlinks: []\n", "utf-8")
     run = armonic("check", "bad.yaml", "--json")
     assert run.error
-    assert Run(0, run.out, "").json["ok"] is False
+    data = Run(0, run.out, "").json
+    assert data["ok"] is False
+    assert data["findings"][0]["where"] == "line 3, links"
+
+
+@pytest.mark.parametrize(
+    ("hint", "typed"),
+    [
+        ("Pick one with response_node=.", "Pick one with --response-node."),
+        ("If you know what was measured, say so with kind=.", "If you know what was measured, say so with --kind."),
+        ("Take the axes that both share, with frf.select(outputs=..., inputs=...).",
+         "Take the axes that both share, with --outputs and --inputs."),
+        ("Give it a small positive start, or leave it out of `parameters`.",
+         "Give it a small positive start, or leave it out of --parameters."),
+    ],
+)  # fmt: skip
+def test_hints_for_programs_become_options(armonic: Armonic, monkeypatch, hint: str, typed: str) -> None:
+    def refuse(_: str) -> None:
+        raise am.DataFileError("f.uff", found="this", expected="that", hint=hint)
+
+    monkeypatch.setattr("armonic.cli.arguments.open_robot", refuse)
+    assert armonic("modes", "robot.yaml").error == f"error: f.uff: found this, expected that. {typed}"
+
+
+def test_a_response_that_the_model_cannot_have_is_to_be_left_out_by_option(armonic: Armonic, tmp_path: Path) -> None:
+    spring = "elasticity: {z: {stiffness: 1e5, damping: 30}}"
+    (tmp_path / "flat.yaml").write_text(
+        "armonic: 1\nname: flat\nframes: [{name: tip, link: a, placement: [{x: 1}]}]\npostures: {p: [0.3]}\n"
+        f"links: [{{name: a, parent: base, joint: {{type: revolute, axis: z}}, {spring}, mass: 1, com: [1, 0, 0]}}]\n",
+        "utf-8",
+    )
+    lines = "\n".join(f"{hz},1,0.1,1,0.2,1,0.3,1,0.4" for hz in range(1, 9))
+    header = ",".join(f"{a}/{b} {part}" for a in "yz" for b in "yz" for part in ("re", "im"))
+    (tmp_path / "m.csv").write_text(f"# armonic frf kind=mobility\nfreq_hz,{header}\n{lines}\n", "utf-8")
+    words = ("update", "flat.yaml", "m.csv", "-o", "new.yaml")
+    error = armonic(*words).error
+    assert "zero in the model" in error
+    assert "--responses" in error
+    assert "frf.select" not in error
+    assert armonic(*words, "--responses", "y/y", "--bounds", "*=1e-9:1e15").code == 0
 
 
 def test_a_robot_without_elasticity_is_refused(armonic: Armonic, tmp_path: Path) -> None:

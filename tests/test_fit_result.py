@@ -21,6 +21,7 @@ from models import robot_of, spring
 from robot_files import START
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 
 FREQ_HZ = np.arange(1, 151) / 5
 THREE_R = am.load("huynh_3r")
@@ -88,10 +89,11 @@ def test_modes_and_responses_are_those_of_the_robots_before_and_after(fit: Fit) 
             expected = am.modes(robot, posture)
             np.testing.assert_array_equal(modes.poles, expected.poles)
             np.testing.assert_array_equal(modes.shapes, expected.shapes)
-        # |aᴴ b|² / (aᴴ a bᴴ b), written out; a few hundred roundings at most.
+        # |aᴴ M b|² / (aᴴ M a · bᴴ M b), written out; a few hundred roundings at most.
+        M = before.mass
         for i, a in enumerate(before.shapes.T):
             for j, b in enumerate(after.shapes.T):
-                expected_mac = abs(np.vdot(a, b)) ** 2 / (np.vdot(a, a).real * np.vdot(b, b).real)
+                expected_mac = abs(np.vdot(a, M @ b)) ** 2 / (np.vdot(a, M @ a).real * np.vdot(b, M @ b).real)
                 assert mac[i, j] == pytest.approx(expected_mac, rel=1e-12, abs=1e-14)
     for responses, robot in ((fit.frf_before, fit.start), (fit.frf_after, fit.robot)):
         for m, H in zip(fit.measurements, responses, strict=True):
@@ -164,23 +166,24 @@ def test_one_evaluation_leaves_the_robot_as_it_was() -> None:
 
 
 class Curve:
-    """Stands in for the core's problem: one parameter, whose logarithm x has the residuals of a function."""
+    """Stands in for the core's problem: one parameter, whose logarithm x has residuals, and others that price it."""
 
-    def __init__(self, residual: Callable[[float], list[float]]) -> None:
-        self.residual = residual
+    def __init__(self, residual: Callable[[float], list[float]], price: Callable[[float], list[float]]) -> None:
+        self.residual, self.price = residual, price
 
-    def reduce(self, stiffness: Array, damping: Array, free: list[int]) -> Array:
+    def reduce_priced(self, stiffness: Array, damping: Array, free: list[int]) -> tuple[Array, float]:
         x, h = float(np.log(stiffness[0, 0])), 1e-6
         slope = (np.array(self.residual(x + h)) - self.residual(x - h)) / (2 * h)
-        return np.linalg.qr(np.column_stack([slope, self.residual(x)]), mode="r")
-
-    def costs(self, stiffness: Array, damping: Array) -> Array:
-        return np.array([np.sum(np.square(self.residual(float(np.log(k))))) for k in stiffness[:, 0]])
+        triangle = np.linalg.qr(np.column_stack([slope, self.residual(x)]), mode="r")
+        return triangle, float(np.sum(np.square(self.price(x))))
 
 
 def test_if_the_first_pass_leads_away_from_a_better_start_the_fit_goes_on_from_there() -> None:
-    two_valleys: Any = Curve(lambda x: [x * (x - 3), 0.3 * x])  # zero at x = 0, and a minimum of 0.8 at x = 2.97
-    to_the_worse: Any = Curve(lambda x: [x - 3, 0.0])
+    def valleys(x: float) -> list[float]:  # zero at x = 0, and a minimum of 0.8 at x = 2.97
+        return [x * (x - 3), 0.3 * x]
+
+    two_valleys: Any = Curve(valleys, valleys)
+    to_the_worse: Any = Curve(lambda x: [x - 3, 0.0], valleys)
     objective = Objective(two_valleys, np.array([np.exp(0.05), 1.0]), [0])
     run = minimize(objective, np.exp([0.05]), np.exp([-9.0]), np.exp([9.0]), tolerance=1e-10, levelled=to_the_worse)
     assert run.status == "converged"
@@ -298,3 +301,65 @@ def test_what_rounding_leaves_of_a_column_of_zeros_identifies_nothing(length: fl
     judged = judge((parameter("a"), parameter("b")), np.ones(2), triangle, triangle, noise=noise, freedom=50)
     assert [p.verdict for p in judged] == ["identified", "not identifiable"]
     assert judged[1].interval == (0.0, np.inf)
+
+
+# --- What speaks against a fit --------------------------------------------------------------------------------
+
+
+def synthesized(
+    robot: am.Robot, posture: list[float], noise: Callable[[np.random.Generator, Complex], Complex]
+) -> am.Frf:
+    H = am.frf(robot, posture, np.arange(1, 151) / 5, frame="sensor")
+    return replace(H, values=noise(np.random.default_rng(5), H.values))
+
+
+def gauss(rng: np.random.Generator, shape: tuple[int, ...]) -> Complex:
+    return rng.standard_normal(shape) + 1j * rng.standard_normal(shape)
+
+
+@pytest.mark.parametrize(
+    ("noise", "doubt"),
+    [
+        (lambda rng, H: H * (1 + 0.01 * gauss(rng, H.shape)), None),  # what the intervals assume
+        (lambda rng, H: H, None),
+        (lambda rng, H: H + 1e-4 * np.abs(H).max() * gauss(rng, H.shape), "constant noise floor"),
+    ],
+)
+def test_a_fit_doubts_itself_under_a_noise_floor_and_not_under_proportional_noise(
+    noise: Any, doubt: str | None
+) -> None:
+    truth = am.load("huynh_3r")
+    posture = [0.0, 1.2, -1.7]
+    fit = am.update(truth, am.Measurement(synthesized(truth, posture, noise), posture, weights="uniform"))
+    assert (fit.doubts == ()) if doubt is None else (doubt in fit.doubts[0])
+
+
+def test_a_fit_to_another_posture_says_that_the_model_does_not_explain_the_data() -> None:
+    truth = am.load("huynh_3r")
+    H = synthesized(truth, [0.0, 0.3, -0.4], lambda rng, H: H)
+    fit = am.update(truth, am.Measurement(H, [0.0, 1.2, -1.7]))
+    assert "does not explain these data" in fit.doubts[0]
+
+
+def test_what_the_data_do_not_see_at_all_stays_where_it_was() -> None:
+    # A slide along x on a slide along z: the force and the sensor along x know nothing of the second spring.
+    text = """
+armonic: 1
+name: cross slide
+links:
+  - {name: bed, parent: base, joint: {type: prismatic, axis: z}, mass: 20,
+     elasticity: {tz: {stiffness: 4.0e6, damping: 300}}}
+  - {name: slide, parent: bed, joint: {type: prismatic, axis: x}, mass: 8,
+     elasticity: {tx: {stiffness: 1.0e6, damping: 100}}}
+"""
+    robot = am.Robot.from_yaml(text)
+    H = am.frf(robot, None, np.arange(20.0, 90.0), frame="slide", outputs="x", inputs="x")
+    rng = np.random.default_rng(1)
+    noisy = replace(H, values=H.values * (1 + 0.02 * gauss(rng, H.values.shape)))
+    start = robot.with_values({"links.slide.elasticity.tx.stiffness": 1.3e6})
+    fit = am.update(start, am.Measurement(noisy, [0.0, 0.0], weights="uniform"))
+    found = {p.path.removeprefix("links."): p for p in fit.parameters}
+    for quantity in ("stiffness", "damping"):
+        unseen = found[f"bed.elasticity.tz.{quantity}"]
+        assert (unseen.value, unseen.verdict, unseen.interval) == (unseen.start, "not identifiable", (0.0, np.inf))
+    assert found["slide.elasticity.tx.stiffness"].value == pytest.approx(1.0e6, rel=0.01)  # 70 lines of 2 %

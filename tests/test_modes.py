@@ -276,9 +276,9 @@ def test_bushings_take_their_share_from_the_coordinates():
     modes = am.modes(slides([2.0], [spring(1e4)], bushings=[bushing]))
     assert modes.natural_freq_hz[0] == pytest.approx(np.sqrt(4e4 / 2.0) / TURN, rel=1e-13)
     assert modes.participation[0, 0] == pytest.approx(0.25, rel=1e-13)
-    assert modes.bushings == ("pad",)
+    assert modes.bushings[0] == "pad.x"
     assert modes.bushing_participation[0, 0] == pytest.approx(0.75, rel=1e-13)
-    assert [name for name, _ in modes.movers(0)] == ["pad", "mass_0.tx"]
+    assert [name for name, _ in modes.movers(0)] == ["pad.x", "mass_0.tx"]
 
 
 # --- Modal assurance criterion ------------------------------------------------------------------------------
@@ -296,7 +296,8 @@ def test_mac_of_a_set_with_itself_is_one_on_the_diagonal_and_symmetric(model):
     np.testing.assert_allclose(found, found.T, rtol=1e-12)
     assert (found >= 0).all()
     assert (found <= 1 + 1e-12).all()
-    np.testing.assert_array_equal(found, am.mac(modes.shapes, modes))
+    root = np.linalg.cholesky(modes.mass).T  # mass-weighted: in these coordinates shapes have one unit
+    np.testing.assert_allclose(found, am.mac(root @ modes.shapes, root @ modes.shapes), atol=1e-12)
 
 
 def test_mac_does_not_see_complex_scale():
@@ -356,6 +357,9 @@ def test_a_linear_model_takes_no_second_operating_point(extra):
 def test_modes_say_the_posture_they_belong_to():
     assert am.modes(am.load("kuka_kr90"), "milling").posture == "milling"
     assert "1.2" in am.modes(am.load("kuka_kr90"), [0.0, 1.2, -1.7]).posture
-    # Without one, all coordinates are zero.
-    zero, given = (am.modes(am.load("huynh_3r"), p) for p in (None, [0.0, 0.0, 0.0]))
-    np.testing.assert_array_equal(zero.poles, given.poles)
+    # Without one it is the only one that the robot names.
+    alone, given = (am.modes(am.load("huynh_3r"), p) for p in (None, "milling"))
+    np.testing.assert_array_equal(alone.poles, given.poles)
+    two = am.Robot.from_yaml(am.load("huynh_3r").to_yaml().rstrip() + "\n  home: [0, 0, 0]\n")
+    with pytest.raises(am.PostureError, match="one of milling, home"):
+        am.modes(two)

@@ -210,14 +210,14 @@ def test_parameters_with_one_short_name_keep_their_own_rows(fit: Fit) -> None:
 
 
 def test_names_from_files_stay_text(fit: Fit) -> None:
-    robot = am.Robot.from_yaml(fit.robot.to_yaml().replace("name: ", f"name: {json.dumps(HOSTILE)} #", 1))
+    robot = am.Robot.from_yaml(fit.start.to_yaml().replace("name: ", f"name: {json.dumps(HOSTILE)} #", 1))
     frf = fit.measurements[1].frf
     odd = replace(frf, outputs=(HOSTILE,))
     measurement = am.Measurement(frf, [0.2, 1.0, -1.4], label=HOSTILE)
     object.__setattr__(measurement, "frf", odd)
     hostile = replace(
         fit,
-        robot=robot,
+        start=robot,
         measurements=(fit.measurements[0], measurement),
         frf_before=(fit.frf_before[0], odd),
         frf_after=(fit.frf_after[0], odd),

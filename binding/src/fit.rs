@@ -28,19 +28,45 @@ fn lines_last<T: Copy>(values: &[T], lines: usize) -> Vec<T> {
 #[pymethods]
 impl Problem {
     #[new]
-    fn new(targets: Vec<TargetArgument<'_>>) -> PyResult<Self> {
+    #[pyo3(signature = (targets, *, prices = None))]
+    fn new(targets: Vec<TargetArgument<'_>>, prices: Option<Vec<Array<'_>>>) -> PyResult<Self> {
+        if prices.as_ref().is_some_and(|prices| prices.len() != targets.len()) {
+            return Err(PyValueError::new_err("prices: expected one array per target"));
+        }
         let targets = targets
             .into_iter()
-            .map(|(system, s, measured, weights)| {
+            .enumerate()
+            .map(|(index, (system, s, measured, weights))| {
                 let (p, m) = system.inner.shape();
                 let s = points(&s)?;
                 let shape = [Some(s.len()), Some(p), Some(m)];
                 let measured = lines_last(&numbers("measured", &measured, &shape)?, s.len());
                 let weights = lines_last(&numbers("weights", &weights, &shape)?, s.len());
-                Target::new(system.inner.clone(), &s, &measured, &weights).map_err(raise)
+                let prices = match &prices {
+                    Some(prices) => lines_last(&numbers("prices", &prices[index], &shape)?, s.len()),
+                    None => weights.clone(),
+                };
+                Target::new(system.inner.clone(), &s, &measured, &weights, &prices).map_err(raise)
             })
             .collect::<PyResult<Vec<_>>>()?;
         Ok(Self { inner: residual::Problem::new(targets).map_err(raise)? })
+    }
+
+    /// Upper triangle (c+1, c+1) of [J r] at one impedance set, J by the logarithms of the `free` parameters, and the
+    /// cost under the weights of the price.
+    fn reduce_priced<'py>(
+        &self,
+        py: Python<'py>,
+        stiffness: Array<'py>,
+        damping: Array<'py>,
+        free: Vec<usize>,
+    ) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, f64)> {
+        let sets = impedances(&stiffness, &damping)?;
+        let [set] = &sets[..] else {
+            return Err(PyValueError::new_err("stiffness: expected shape (1, r)"));
+        };
+        let triangle = py.detach(|| self.inner.reduce(set, &free)).map_err(raise)?;
+        Ok((array(py, triangle.values, &[triangle.width, triangle.width])?, triangle.price))
     }
 
     /// Upper triangle (c+1, c+1) of [J r] at one impedance set, J by the logarithms of the `free` parameters.
@@ -51,12 +77,7 @@ impl Problem {
         damping: Array<'py>,
         free: Vec<usize>,
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        let sets = impedances(&stiffness, &damping)?;
-        let [set] = &sets[..] else {
-            return Err(PyValueError::new_err("stiffness: expected shape (1, r)"));
-        };
-        let triangle = py.detach(|| self.inner.reduce(set, &free)).map_err(raise)?;
-        array(py, triangle.values, &[triangle.width, triangle.width])
+        Ok(self.reduce_priced(py, stiffness, damping, free)?.0)
     }
 
     /// Costs (P,) of many impedance sets.

@@ -40,7 +40,8 @@ fn kernels(c: &mut Criterion) {
         b.iter(|| responses(&systems, &truth, black_box(&lines), true).unwrap());
     });
     let measured = responses(&systems, &truth, &lines, false).unwrap().values;
-    let target = Target::new(model.clone(), &lines, &measured, &vec![1.0; 9 * 152]).unwrap();
+    let target =
+        Target::new(model.clone(), &lines, &measured, &vec![1.0; 9 * 152], &vec![1.0; 9 * 152]).unwrap();
     let problem = Problem::new(vec![target]).unwrap();
     let (start, free) = (springs(0.8), (0..18).collect::<Vec<_>>());
     c.bench_function("residual and Jacobian to a triangle, 18 parameters", |b| {

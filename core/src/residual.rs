@@ -5,7 +5,7 @@
 //! computed, so RᵀR = [J r]ᵀ[J r] without the thousands of rows ever standing side by side.
 
 use crate::impedance::SpringDamper;
-use crate::lanes::{REGISTERS, Real, lanes};
+use crate::lanes::{Complex, REGISTERS, Real, lanes};
 use crate::mechanism::finite;
 use crate::solver::{Solver, load};
 use crate::system::LinearSystem;
@@ -17,6 +17,8 @@ use rayon::prelude::*;
 /// Lines that one task works on: small enough to share a fit among threads, and fixed, so that results do not depend on
 /// how many there are.
 const LINES_PER_TASK: usize = 64;
+/// Tasks that are not worth a second thread.
+const TASKS_PER_THREAD: usize = 4;
 /// Rows that are gathered before they are folded in; a block of this height and some twenty columns stays in cache.
 const ROWS_PER_BLOCK: usize = 128;
 /// Most evaluation points that are handled at a time; arrays are padded to it.
@@ -33,18 +35,29 @@ pub struct Target {
     inverse: Vec<C64<f64>>,
     /// √W in both parts, likewise.
     root_weight: Vec<C64<f64>>,
+    /// W of the price in both parts, likewise.
+    price_weight: Vec<C64<f64>>,
 }
 
 impl Target {
-    /// `measured` (receptances) and `weights` are `[output][input][line]`; a line of zero weight is left out whatever it
-    /// holds.
+    /// `measured` (receptances), `weights` and `prices` are `[output][input][line]`; a line of zero weight is left out
+    /// whatever it holds. `prices` are the weights of a second cost, told beside the first; it counts lines that have a
+    /// weight.
     ///
     /// # Errors
     /// [`Error::Length`], [`Error::Value`] for a negative weight, a number that is not finite or a weighted zero.
-    pub fn new(system: LinearSystem, s: &[C64<f64>], measured: &[C64<f64>], weights: &[f64]) -> Result<Self> {
+    pub fn new(
+        system: LinearSystem,
+        s: &[C64<f64>],
+        measured: &[C64<f64>],
+        weights: &[f64],
+        prices: &[f64],
+    ) -> Result<Self> {
         let (p, m) = system.shape();
         let lines = s.len();
-        for (what, got) in [("measured", measured.len()), ("weights", weights.len())] {
+        for (what, got) in
+            [("measured", measured.len()), ("weights", weights.len()), ("prices", prices.len())]
+        {
             if got != p * m * lines || lines == 0 {
                 return Err(Error::Length { what, needed: p * m * lines, got });
             }
@@ -55,13 +68,16 @@ impl Target {
         padded_s.resize(padded, s[lines - 1]);
         let mut inverse = vec![C64::new(1.0, 0.0); p * m * padded];
         let mut root_weight = vec![C64::new(0.0, 0.0); p * m * padded];
-        for (i, (&value, &weight)) in measured.iter().zip(weights).enumerate() {
-            if !(weight >= 0.0 && weight.is_finite()) {
-                return Err(Error::Value {
-                    what: "weight",
-                    got: weight,
-                    expected: "a finite number, zero or more",
-                });
+        let mut price_weight = root_weight.clone();
+        for (i, ((&value, &weight), &price)) in measured.iter().zip(weights).zip(prices).enumerate() {
+            for got in [weight, price] {
+                if !(got >= 0.0 && got.is_finite()) {
+                    return Err(Error::Value {
+                        what: "weight",
+                        got,
+                        expected: "a finite number, zero or more",
+                    });
+                }
             }
             if weight == 0.0 {
                 continue;
@@ -76,8 +92,9 @@ impl Target {
             let at = i / lines * padded + i % lines;
             inverse[at] = value.inv();
             root_weight[at] = C64::new(weight.sqrt(), weight.sqrt());
+            price_weight[at] = C64::new(price, price);
         }
-        Ok(Self { system, s: padded_s, lines, inverse, root_weight })
+        Ok(Self { system, s: padded_s, lines, inverse, root_weight, price_weight })
     }
 }
 
@@ -95,11 +112,13 @@ pub struct Triangle {
     pub width: usize,
     /// R by rows.
     pub values: Vec<f64>,
+    /// The second cost, under the weights of the price.
+    pub price: f64,
 }
 
 impl Triangle {
     fn zeros(width: usize) -> Self {
-        Self { width, values: vec![0.0; width * width] }
+        Self { width, values: vec![0.0; width * width], price: 0.0 }
     }
 
     /// The cost Σ W |r|².
@@ -150,13 +169,18 @@ impl Problem {
             .iter()
             .flat_map(|target| (0..target.lines).step_by(LINES_PER_TASK).map(move |start| (target, start)))
             .collect();
-        let parts: Vec<Result<Triangle>> = tasks
-            .par_iter()
-            .map(|&(target, start)| {
-                target.system.check(impedances)?;
-                Arch::new().dispatch(Task { target, impedances, free, start })
-            })
-            .collect();
+        for target in &self.targets {
+            target.system.check(impedances)?;
+        }
+        let one = |&(target, start): &(&Target, usize)| {
+            Arch::new().dispatch(Task { target, impedances, free, start })
+        };
+        // A small problem is solved before a second thread would have woken up.
+        let parts: Vec<Result<Triangle>> = if tasks.len() <= TASKS_PER_THREAD {
+            tasks.iter().map(one).collect()
+        } else {
+            tasks.par_iter().map(one).collect()
+        };
         let mut total = Triangle::zeros(free.len() + 1);
         for part in parts {
             Arch::new().dispatch(Merge { into: &mut total, part: &part? });
@@ -260,48 +284,101 @@ impl WithSimd for Task<'_> {
         let target = self.target;
         let (p, m) = target.system.shape();
         let r = target.system.branches();
-        let padded = target.s.len();
+        let mirrored = target.system.mirrored();
         let width = self.free.len() + 1;
-        let per_chunk = 2 * p * m * REGISTERS;
+        let columns: Vec<_> = self.free.iter().map(|&i| (i / r, i % r)).collect();
+        let per_chunk = 2 * REGISTERS * if mirrored { p * (p + 1) / 2 } else { p * m };
         let height = per_chunk * ROWS_PER_BLOCK.div_ceil(per_chunk * S::F64_LANES);
         let mut block = Block::<S>::new(simd, width, height);
         let mut triangle = Triangle::zeros(width);
         let mut solver = Solver::new(simd, &target.system, self.impedances, target.lines);
-        let end = (self.start + LINES_PER_TASK).min(padded);
+        let mut products = vec![Complex::zero(simd); r];
+        let mut slopes = Vec::with_capacity(r);
+        let (mut price, mut rest) = (Real::splat(simd, 0.0), Real::splat(simd, 0.0));
+        let end = (self.start + LINES_PER_TASK).min(target.s.len());
         for start in (self.start..end).step_by(lanes::<S>()) {
             let s = load(simd, &target.s, start);
             solver.solve(simd, s, start, width > 1)?;
-            for a in 0..p {
-                for b in 0..m {
-                    let pair = a * m + b;
-                    let h = solver.h[pair];
-                    let ratio = h.mul(simd, load(simd, &target.inverse, pair * padded + start));
-                    let weight = load(simd, &target.root_weight, pair * padded + start).re;
-                    let (mut log, mut phase) = (ratio.norm_squared(simd), ratio.im);
-                    if !principal_logarithm::<S>(&mut log, &mut phase, &ratio.re) {
-                        return Err(Error::ZeroResponse { output: a, input: b, line: start });
-                    }
-                    let residual = [log.mul(simd, weight), phase.mul(simd, weight)];
-                    block.put(width - 1, residual);
-                    let scale = h.inverse(simd).scale(simd, weight.neg(simd));
-                    for (column, &parameter) in self.free.iter().enumerate() {
-                        let (kind, branch) = (parameter / r, parameter % r);
-                        let gradient = self.impedances[branch].log_gradient(simd, s)[kind];
-                        let y = solver.at_outputs()[branch * p + a];
-                        let x = solver.at_inputs[branch * m + b];
-                        let value = y.mul(simd, x).mul(simd, gradient.mul(simd, scale));
-                        block.put(column, [value.re, value.im]);
-                    }
-                    block.filled += 2 * REGISTERS;
+            slopes.clear();
+            slopes.extend(self.impedances.iter().map(|z| z.log_gradient(simd, s)));
+            for (a, b) in (0..p).flat_map(|a| (0..if mirrored { a + 1 } else { m }).map(move |b| (a, b))) {
+                let h = solver.h[a * m + b];
+                let (mut residual, mut root) = self.deviation(simd, h, (a, b), start, &mut price)?;
+                if mirrored && a != b {
+                    let (other, other_root) = self.deviation(simd, h, (b, a), start, &mut price)?;
+                    (residual, root) = joined(simd, (residual, root), (other, other_root), &mut rest);
                 }
+                block.put(width - 1, [residual[0].mul(simd, root), residual[1].mul(simd, root)]);
+                let scale = h.inverse(simd).scale(simd, root.neg(simd));
+                if width > 1 {
+                    let (y, x) = (&solver.at_outputs()[a..], &solver.at_inputs[b..]);
+                    for ((product, &y), &x) in
+                        products.iter_mut().zip(y.iter().step_by(p)).zip(x.iter().step_by(m))
+                    {
+                        *product = y.mul(simd, x).mul(simd, scale);
+                    }
+                }
+                for (column, &(kind, branch)) in columns.iter().enumerate() {
+                    let value = products[branch].mul(simd, slopes[branch][kind]);
+                    block.put(column, [value.re, value.im]);
+                }
+                block.filled += 2 * REGISTERS;
             }
             if block.filled + per_chunk > height {
                 block.fold(simd, &mut triangle);
             }
         }
         block.fold(simd, &mut triangle);
+        let corner = &mut triangle.values[width * width - 1];
+        *corner = corner.hypot(rest.as_slice().iter().sum::<f64>().sqrt());
+        triangle.price = price.as_slice().iter().sum();
         Ok(triangle)
     }
+}
+
+impl Task<'_> {
+    /// ln of modelled over measured response as real and imaginary part, and √W; adds to the price.
+    #[inline(always)]
+    fn deviation<S: Simd>(
+        &self,
+        simd: S,
+        h: Complex<S>,
+        (a, b): (usize, usize),
+        start: usize,
+        price: &mut Real<S>,
+    ) -> Result<([Real<S>; 2], Real<S>)> {
+        let target = self.target;
+        let at = (a * target.system.shape().1 + b) * target.s.len() + start;
+        let ratio = h.mul(simd, load(simd, &target.inverse, at));
+        let (mut log, mut phase) = (ratio.norm_squared(simd), ratio.im);
+        if !principal_logarithm::<S>(&mut log, &mut phase, &ratio.re) {
+            return Err(Error::ZeroResponse { output: a, input: b, line: start });
+        }
+        let square = log.mul(simd, log).add_mul(simd, phase, phase);
+        *price = price.add_mul(simd, square, load(simd, &target.price_weight, at).re);
+        Ok(([log, phase], load(simd, &target.root_weight, at).re))
+    }
+}
+
+/// Two rows with one Jacobian, H_ab = H_ba, as one: their weighted mean under the sum of their weights; what separates
+/// them no parameter changes, it goes to `rest`.
+#[inline(always)]
+fn joined<S: Simd>(
+    simd: S,
+    (first, v): ([Real<S>; 2], Real<S>),
+    (second, w): ([Real<S>; 2], Real<S>),
+    rest: &mut Real<S>,
+) -> ([Real<S>; 2], Real<S>) {
+    let (v, w) = (v.mul(simd, v), w.mul(simd, w));
+    let total = v.add(simd, w).add(simd, Real::splat(simd, f64::MIN_POSITIVE));
+    let share = w.div(simd, total);
+    let mut mean = first;
+    for i in 0..2 {
+        let apart = second[i].sub(simd, first[i]);
+        mean[i] = first[i].add_mul(simd, share, apart);
+        *rest = rest.add_mul(simd, share.mul(simd, v), apart.mul(simd, apart));
+    }
+    (mean, total.sqrt(simd))
 }
 
 /// ln|z| from |z|² in `log`, and arg z from its parts; false where z is zero or not finite.
@@ -339,5 +416,6 @@ impl WithSimd for Merge<'_> {
         }
         block.filled = height;
         block.fold(simd, self.into);
+        self.into.price += self.part.price;
     }
 }

@@ -192,7 +192,7 @@ fn the_triangle_is_that_of_all_rows_at_once() {
     let at = responses(&[&model], std::slice::from_ref(&start), &s, true).unwrap();
     let weights: Vec<f64> = scattered(measured.len(), 7.0).iter().map(|w| w.abs()).collect();
     let free = [0, 3, 8, 9, 17];
-    let target = Target::new(model, &s, &measured, &weights).unwrap();
+    let target = Target::new(model, &s, &measured, &weights, &weights).unwrap();
     let triangle = Problem::new(vec![target]).unwrap().reduce(&start, &free).unwrap();
 
     let mut rows = DMatrix::zeros(2 * measured.len(), free.len() + 1);
@@ -215,4 +215,5 @@ fn the_triangle_is_that_of_all_rows_at_once() {
     let r = DMatrix::from_row_slice(triangle.width, triangle.width, &triangle.values);
     assert!((r.tr_mul(&r) - &want).amax() < 1e-12 * want.amax());
     assert!((triangle.cost() - want[(free.len(), free.len())]).abs() < 1e-12 * triangle.cost());
+    assert!((triangle.price - triangle.cost()).abs() < 1e-12 * triangle.cost());
 }

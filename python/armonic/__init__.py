@@ -28,7 +28,7 @@ if TYPE_CHECKING:
         RobotFileError,
         UpdateError,
     )
-    from armonic.files import read_frf, write_frf
+    from armonic.files import read_csv, read_frf, read_uff, write_csv, write_frf, write_uff
     from armonic.linear import LinearModel, linearize
     from armonic.modal import Modes, mac, modes
     from armonic.report import write_report
@@ -60,12 +60,16 @@ __all__ = [
     "mac",
     "modes",
     "peak_weights",
+    "read_csv",
     "read_frf",
+    "read_uff",
     "responses",
     "robots",
     "update",
+    "write_csv",
     "write_frf",
     "write_report",
+    "write_uff",
 ]
 
 __version__ = "0.1.0"
@@ -76,7 +80,7 @@ _HOME = {
     "errors": (
         "ArmonicError", "DataFileError", "FrfError", "ModelError", "PostureError", "RobotFileError", "UpdateError",
     ),
-    "files": ("read_frf", "write_frf"),
+    "files": ("read_csv", "read_frf", "read_uff", "write_csv", "write_frf", "write_uff"),
     "linear": ("LinearModel", "linearize"),
     "modal": ("Modes", "mac", "modes"),
     "report": ("write_report",),

@@ -23,7 +23,13 @@ class ArmonicError(ValueError):
 
 
 class RobotFileError(ArmonicError):
-    """The robot description is malformed or physically impossible."""
+    """The robot description is malformed or physically impossible.
+
+    Attributes:
+        errors: where a file has several, all that were found, in its order; empty if this is the only one.
+    """
+
+    errors: tuple[RobotFileError, ...] = ()
 
 
 class PostureError(ArmonicError):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
@@ -77,6 +77,17 @@ class LinearModel:
         """
         rows = self.robot.mechanism.jacobian(self.q, self.robot.frame_index(frame), own_axes=True)
         return rows[:, self.robot.flexible]
+
+    def with_impedances(self, spring: Array, damper: Array) -> LinearModel:
+        """The same posture with other stiffness (r,) and damping (r,) of the impedances."""
+        B = self.directions
+        return replace(
+            self,
+            spring=spring,
+            damper=damper,
+            stiffness=self.free_stiffness + B.T @ (spring[:, None] * B),
+            damping=self.free_damping + B.T @ (damper[:, None] * B),
+        )
 
     def state_matrix(self) -> Array:
         """A of ẋ = A x with x = [δq; δq̇], (2n, 2n) (Do et al. 2022, Eq. 14)."""
@@ -163,8 +174,8 @@ def linearize(
         q=q,
         coordinates=tuple(robot.coordinates[i] for i in keep),
         mass=mass,
-        damping=free_damping + directions.T @ (damper[:, None] * directions),
-        stiffness=free_stiffness + directions.T @ (spring[:, None] * directions),
+        damping=free_damping,
+        stiffness=free_stiffness,
         free_damping=free_damping,
         free_stiffness=free_stiffness,
         impedances=impedances,
@@ -172,7 +183,7 @@ def linearize(
         spring=spring,
         damper=damper,
         loaded=_loaded(robot, q, bushings),
-    )
+    ).with_impedances(spring, damper)
 
 
 def model_of(
@@ -183,14 +194,19 @@ def model_of(
     frame: str | None,
     equilibrium: Equilibrium,
 ) -> LinearModel:
-    """A robot linearized at a posture (all coordinates zero if None), or a linear model as it is.
+    """A robot linearized at a posture, or a linear model as it is.
+
+    No posture means the only one that the robot names, or all coordinates zero if it names none.
 
     Raises:
         PostureError: as `linearize`; or a linear model comes with a posture, wrench or equilibrium of its own.
         ModelError: as `linearize`.
     """
     if not isinstance(robot, LinearModel):
-        return linearize(robot, {} if posture is None else posture, wrench=wrench, frame=frame, equilibrium=equilibrium)
+        if posture is None and len(robot.postures) > 1:
+            raise PostureError("posture", found="none", expected=f"one of {', '.join(robot.postures)}")
+        where = posture if posture is not None else next(iter(robot.postures), {})
+        return linearize(robot, where, wrench=wrench, frame=frame, equilibrium=equilibrium)
     if posture is not None or wrench is not None or equilibrium != "reference":
         raise PostureError(
             "posture",

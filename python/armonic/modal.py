@@ -25,7 +25,7 @@ STABILITY_TOLERANCE = 1e-9
 """Real parts below this share of the largest pole count as zero: eigenvalues are not known better."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Modes:
     """Complex modes of λ² M u + λ C u + K u = 0, sorted by natural frequency.
 
@@ -39,13 +39,14 @@ class Modes:
         damped_freq_hz: Im λ / 2π, (m,), the one Huynh et al. 2021 print (Eq. 20).
         damping_ratio: −Re λ / |λ|, (m,), a fraction; zero for a rigid-body mode.
         oscillatory: whether the mode is one of a pair, (m,).
+        mass: M at that posture, (n, n), kg m² or kg.
         shapes: u by columns, (n, m), rad or m, scaled to uᴴ M u = 1 with uᵀ M u real and positive, which for
             proportional damping are the real mass-normalized shapes; the largest entry has a positive real part.
         participation: share of each coordinate's spring in the elastic energy of a mode, (n, m). Together with
             `bushing_participation` a column adds up to one; both are zero for a rigid-body mode. Where springs alone
             hold the robot (no gravity, no wrench) and damping is small, it is also 2 ∂ln f / ∂ln k.
-        bushings: names of the b bushings.
-        bushing_participation: share of each bushing (of its diagonal stiffness), (b, m).
+        bushings: names of the b directions in which bushings act: "mount.x", "mount.rx".
+        bushing_participation: share of the spring in each of them (of the diagonal stiffness), (b, m).
         stability: "asymptotically stable", "unstable" or "marginal", the three cases of Do et al. 2022, section 3.2.
     """
 
@@ -56,11 +57,17 @@ class Modes:
     damped_freq_hz: Array
     damping_ratio: Array
     oscillatory: NDArray[np.bool_]
+    mass: Array
     shapes: Complex
     participation: Array
     bushings: tuple[str, ...]
     bushing_participation: Array
     stability: Stability
+
+    def __repr__(self) -> str:
+        """How many, where, and whether stable, in one line."""
+        band = f"{self.natural_freq_hz.min():.4g} to {self.natural_freq_hz.max():.4g} Hz"
+        return f"Modes({len(self)} modes from {band}, posture {self.posture}, {self.stability})"
 
     def __len__(self) -> int:
         """Number of modes."""
@@ -92,7 +99,8 @@ def modes(
 
     Args:
         robot: a robot, or a linear model that is taken as it is.
-        posture: with a robot, a posture's name or joint coordinates; all zero if not given.
+        posture: with a robot, a posture's name or joint coordinates; if not given, its only named posture, or all
+            coordinates zero if it names none.
         wrench: as in `linearize`.
         frame: as in `linearize`.
         equilibrium: as in `linearize`.
@@ -130,9 +138,10 @@ def modes(
         damped_freq_hz=poles.imag / (2 * np.pi),
         damping_ratio=np.divide(-poles.real, size, out=np.zeros(len(poles)), where=size > 0),
         oscillatory=poles.imag > 0,
+        mass=model.mass,
         shapes=shapes,
         participation=own,
-        bushings=tuple(bushing.name for bushing in model.robot.bushings),
+        bushings=tuple(name.removeprefix("bushings.") for name in model.impedances if name.startswith("bushings.")),
         bushing_participation=of_bushings,
         stability="unstable" if worst > tolerance else "marginal" if worst >= -tolerance else "asymptotically stable",
     )
@@ -140,15 +149,15 @@ def modes(
 
 def _energy_shares(model: LinearModel, shapes: Complex, noise: float) -> tuple[Array, Array]:
     """Shares of the coordinates' springs, (n, m), and of the bushings, (b, m), in the elastic energy of every mode."""
-    bushings = [bushing.name for bushing in model.robot.bushings]
     own = np.zeros((len(model.coordinates), shapes.shape[1]))
-    of_bushings = np.zeros((len(bushings), shapes.shape[1]))
+    others = [np.zeros((0, shapes.shape[1]))]
     for name, direction, spring in zip(model.impedances, model.directions, model.spring, strict=True):
         stored = spring * np.abs(direction @ shapes) ** 2
         if name.startswith("bushings."):
-            of_bushings[bushings.index(name.split(".")[1])] += stored
+            others.append(stored[None])
         else:
             own[np.argmax(direction)] += stored
+    of_bushings = np.vstack(others)
     total = own.sum(axis=0) + of_bushings.sum(axis=0)
     total = np.where(total > noise, total, np.inf)
     return own / total, of_bushings / total
@@ -171,15 +180,20 @@ def _normalized(mass_normal: Complex, left: Array) -> Complex:
 
 
 def mac(a: Modes | Complex, b: Modes | Complex) -> Array:
-    """Modal assurance criterion |aᴴ b|² / (aᴴ a · bᴴ b) of every pair of shapes, (m_a, m_b), between 0 and 1.
+    """Modal assurance criterion of every pair of shapes, (m_a, m_b), between 0 and 1.
+
+    |aᴴ b|² / (aᴴ a · bᴴ b) for shapes over sensors. Shapes of `Modes` mix radians and metres, so there the products are
+    weighted by the mass matrix of `a`, aᴴ M b, which has one unit and sets undamped modes apart exactly.
 
     Args:
         a: modes, or shapes by columns (n, m_a).
         b: modes, or shapes by columns (n, m_b), over the same n coordinates or sensors.
 
     Raises:
-        FrfError: the shapes have different lengths, or one is zero.
+        FrfError: modes are compared with bare shapes, lengths differ, or a shape is zero.
     """
+    if isinstance(a, Modes) != isinstance(b, Modes):
+        raise FrfError("mac", found="modes and bare shapes", expected="two of a kind; take `.shapes` of the modes")
     left, right = (np.asarray(x.shapes if isinstance(x, Modes) else x) for x in (a, b))
     if left.ndim != 2 or right.ndim != 2 or left.shape[0] != right.shape[0]:
         raise FrfError(
@@ -187,7 +201,10 @@ def mac(a: Modes | Complex, b: Modes | Complex) -> Array:
             found=f"shapes {left.shape} and {right.shape}",
             expected="columns of one length, (n, m_a) and (n, m_b)",
         )
+    if isinstance(a, Modes):
+        factor = np.linalg.cholesky(a.mass).T
+        left, right = factor @ left, factor @ right
     norms = [np.sum(np.abs(x) ** 2, axis=0) for x in (left, right)]
     if not all(np.isfinite(norm).all() and (norm > 0).all() for norm in norms):
         raise FrfError("mac", found="a shape that is zero or not finite", expected="finite shapes other than zero")
-    return np.asarray(np.abs(left.conj().T @ right) ** 2 / np.outer(*norms))
+    return np.asarray(np.abs(left.conj().T @ right) ** 2 / np.outer(*norms), np.float64)

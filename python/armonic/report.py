@@ -94,8 +94,8 @@ def render(fit: Fit, *, title: str | None = None) -> str:
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     embed = _embedder()
     return environment.from_string(source).render(
-        title=title or f"Model update: {fit.robot.name}",
-        robot=fit.robot,
+        title=title or f"Model update: {fit.start.name}",
+        robot=fit.start,
         file=fit.start.path.name if fit.start.path else None,
         summary=text.summary(fit),
         status=fit.status,
@@ -212,7 +212,7 @@ def _parameter_row(p: FittedParameter) -> dict[str, str]:
         "unit": p.unit.replace(" ", "·"),
         "start": text.format_si(p.start),
         "value": text.format_si(p.value),
-        "interval": text.format_interval(*p.interval, bounds=(p.lower, p.upper)),
+        "interval": text.format_interval(*p.interval),
         "bounds": text.format_interval(p.lower, p.upper),
         "verdict": p.verdict,
     }

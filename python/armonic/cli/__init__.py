@@ -1,9 +1,9 @@
 """The command `armonic`: a thin shell over the library, one module per concern.
 
-application.py the commands together, and errors in one line; arguments.py words typed into values;
-terminal.py tables, JSON and the progress bar; outputs.py files that must not be half-written; results.py a
-fit in tables; model.py, fitting.py, robots.py, demo.py the commands. What is slow to import is imported by
-the command that needs it.
+application.py the commands together; refusals.py errors in one line; arguments.py words typed into values;
+terminal.py tables, JSON and the progress bar; outputs.py files that must not be replaced; results.py a fit in
+tables; model.py, fitting.py, robots.py, demo.py the commands. What is slow to import is imported by the
+command that needs it.
 """
 
 from __future__ import annotations

@@ -1,22 +1,18 @@
-"""All commands together, and what bad input becomes: one line on stderr and exit code 2."""
+"""All commands together, and how they end."""
 
 from __future__ import annotations
 
 import contextlib
 import sys
 from collections.abc import Sequence
-from typing import Annotated, cast
+from typing import Annotated
 
 import typer
 
 from armonic import __version__
 from armonic.cli import INTERRUPTED, demo, fitting, model, robots
+from armonic.cli.refusals import TyperUsageError, refuse
 from armonic.errors import ArmonicError
-
-BAD_INPUT = 2
-
-# What typer raises on bad usage, click's UsageError, has no name of its own in typer.
-_TyperUsageError = cast("type[typer.BadParameter]", typer.BadParameter.__mro__[1])
 
 app = typer.Typer(
     name="armonic",
@@ -55,19 +51,9 @@ def run(arguments: Sequence[str] | None) -> int:
         sys.stdout.reconfigure(errors="replace")  # type: ignore[union-attr]  # a terminal may lack a sign
     try:
         status = app(args=arguments, prog_name="armonic", standalone_mode=False)
-    except ArmonicError as error:
-        return _refuse(str(error))
-    except _TyperUsageError as error:
-        command = error.ctx.command_path if error.ctx else "armonic"
-        return _refuse(f"{error.format_message().rstrip('.')}. See `{command} --help`.")
-    except OSError as error:
-        return _refuse(f"{error.filename or 'system'}: {error.strerror or error}.")
+    except (ArmonicError, OSError, TyperUsageError) as error:
+        # Bad usage ends before any command knows that JSON was wanted.
+        return refuse(error, as_json="--json" in (sys.argv[1:] if arguments is None else arguments))
     except typer.Abort:
         return INTERRUPTED
     return status if isinstance(status, int) else 0
-
-
-def _refuse(message: str) -> int:
-    line = "".join(sign if sign.isprintable() else "?" for sign in " ".join(message.split()))
-    print(f"error: {line}", file=sys.stderr)  # noqa: T201
-    return BAD_INPUT

@@ -71,7 +71,7 @@ def posture(robot: Robot, text: str | None) -> tuple[str | Array, str]:
         if len(names) != 1:
             raise UsageError(
                 "--posture",
-                found="none given",
+                found="no posture",
                 expected=f"one of {', '.join(names)}" if names else f"values of {', '.join(robot.joint_coordinates)}",
                 hint=None if names else "The robot file names no posture.",
             )
@@ -104,7 +104,7 @@ def frame(robot: Robot, text: str | None, option: str = "--frame") -> str:
         return text
     names = [entry.name for entry in robot.description.frames]
     if len(names) != 1:
-        raise UsageError(option, found="none given", expected=f"one of {', '.join(names or robot.frames)}")
+        raise UsageError(option, found="no frame", expected=f"one of {', '.join(names or robot.frames)}")
     return names[0]
 
 
@@ -203,6 +203,20 @@ def axes(option: str, text: str) -> tuple[str, ...]:
     found = tuple(_AXIS.findall(bare))
     if not found or "".join(found) != bare or len(set(found)) < len(found):
         raise UsageError(option, found=repr(text), expected="different axes among x y z rx ry rz, such as xyz or x,rz")
+    return found
+
+
+def responses(text: str) -> tuple[tuple[str, str], ...]:
+    """Single responses as pairs of output and input axis: x/x,y/z.
+
+    Raises:
+        UsageError: it is not a row of different pairs.
+    """
+    pairs = [tuple(end.strip() for end in part.split("/")) for part in text.split(",")]
+    found = tuple((pair[0], pair[1]) for pair in pairs if len(pair) == 2 and all(map(_AXIS.fullmatch, pair)))
+    if len(set(found)) < len(pairs):
+        expected = "different pairs output/input of axes among x y z rx ry rz, such as x/x,y/y,z/z"
+        raise UsageError("--responses", found=repr(text), expected=expected)
     return found
 
 

@@ -11,8 +11,8 @@ from typing import Annotated
 import typer
 
 from armonic.cli.arguments import JsonFlag, UsageError
-from armonic.cli.outputs import write_results
-from armonic.cli.terminal import heading, line, print_json, show
+from armonic.cli.refusals import BAD_INPUT
+from armonic.cli.terminal import heading, line, show
 
 ROBOT = "updated.yaml"
 REPORT = "report.html"
@@ -28,7 +28,7 @@ def demo(
     files of an earlier demo are overwritten.
     """
     from armonic import examples
-    from armonic.cli.fitting import ended, run
+    from armonic.cli.fitting import deliver, run
     from armonic.description.document import write_text
     from armonic.files import read_frf
     from armonic.robot import load
@@ -42,28 +42,16 @@ def demo(
     true, measured = load(into / examples.TRUE), read_frf(into / examples.MEASURED)
     measurement = Measurement(measured, posture="milling", frame="sensor", label=examples.MEASURED)
     fit = run(load(into / examples.START), [measurement])
-    write_results(fit, into / ROBOT, into / REPORT)
-    if as_json:
-        from armonic.cli.results import fit_data
-
-        data = fit_data(fit, fit.postures)
-        for entry in data["parameters"]:
-            entry["true"] = true.parameters(entry["path"])[entry["path"]]
-        written = {"robot": str(into / ROBOT), "report": str(into / REPORT)}
-        print_json({**data, "written": written})
-        return ended(fit)
-
-    from armonic.cli.results import fit_tables
-
-    show(
-        heading("KUKA KR90 R3100 HA, first three axes: 18 parameters from 9 measured FRFs"),
-        "The measurement was synthesized from the true values, with 1 % noise.",
-        "",
-        *fit_tables(fit, fit.postures, true.parameters()),
-        "",
-    )
-    _explain(into)
-    return ended(fit)
+    if not as_json:
+        show(
+            heading("KUKA KR90 R3100 HA, first three axes: 18 parameters from 9 measured FRFs"),
+            "The measurement was synthesized from the true values, with 1 % noise.",
+            "",
+        )
+    code = deliver(fit, fit.postures, into / ROBOT, into / REPORT, as_json=as_json, true_values=true.parameters())
+    if not as_json and code != BAD_INPUT:
+        _explain(into)
+    return code
 
 
 def _explain(into: Path) -> None:
@@ -74,7 +62,6 @@ def _explain(into: Path) -> None:
     )
     typed = Path(sys.argv[0])  # a path where the virtual environment is not active
     command = shlex.quote(str(typed)) if typed.name == "armonic" and not shutil.which("armonic") else "armonic"
-    line(f"Wrote {into / ROBOT} and {into / REPORT}: open the report in a browser.")
     show("", heading("The same by hand, and what to try next"))
     line(f"  {command} check {start}")
     line(f"  {command} update {start} {measured} \\")

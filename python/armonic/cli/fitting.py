@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,8 +11,10 @@ import typer
 
 from armonic.cli import INTERRUPTED, arguments
 from armonic.cli.arguments import ForceFlag, JsonFlag, RobotName, UsageError
-from armonic.cli.outputs import check_output, write_results
+from armonic.cli.outputs import check_output
+from armonic.cli.refusals import error_data, refuse
 from armonic.cli.terminal import fit_progress, line, print_json, remark, show
+from armonic.errors import ArmonicError
 
 if TYPE_CHECKING:
     from armonic.response import Frf
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
     from armonic.updating import Fit, Measurement
 
 Many = list[str]
+Axes = str | tuple[str, ...] | None
 
 
 @dataclass(frozen=True)
@@ -31,27 +34,38 @@ class Reading:
     axes: str | None = None
     outputs: str | None = None
     inputs: str | None = None
+    responses: str | None = None
     response_node: int | None = None
     reference_node: int | None = None
     band: str | None = None
     symmetrize: str | None = None
 
-    def read(self, path: Path) -> Frf:
-        """The responses of one file.
+    def read(self, path: Path) -> list[Frf]:
+        """The responses of one file: its matrix, or each of `responses` by itself.
 
         Raises:
             UsageError: an option does not make sense.
-            DataFileError: the file does not hold a whole FRF matrix.
+            DataFileError: the file does not hold a whole FRF matrix, or not these responses.
             FrfError: an option does not fit the file.
         """
+        if self.responses is None:
+            outputs = self.outputs and arguments.axes("--outputs", self.outputs)
+            inputs = self.inputs and arguments.axes("--inputs", self.inputs)
+            return [self._matrix(path, outputs, inputs)]
+        for option in ("outputs", "inputs", "symmetrize"):
+            if getattr(self, option) is not None:
+                raise UsageError("--responses", found=f"--{option} as well", expected="only one of them")
+        return [self._matrix(path, output, force) for output, force in arguments.responses(self.responses)]
+
+    def _matrix(self, path: Path, outputs: Axes, inputs: Axes) -> Frf:
         from armonic.files import read_frf
         from armonic.response import KINDS
 
         options: dict[str, Any] = {
             "kind": self.kind and arguments.choice("--kind", self.kind, KINDS),
             "axes": self.axes and arguments.axis_map(self.axes),
-            "outputs": self.outputs and arguments.axes("--outputs", self.outputs),
-            "inputs": self.inputs and arguments.axes("--inputs", self.inputs),
+            "outputs": outputs,
+            "inputs": inputs,
         }
         universal = {
             "scale": self.scale,
@@ -104,7 +118,8 @@ def update(
         typer.Option(
             "--bounds",
             metavar="PATTERN=LO:HI",
-            help="Bounds in SI units, over those of the file; repeatable.",
+            help="Bounds in SI units, within those of the robot file; repeatable."
+            " Default: those, or a factor of 1000 either way.",
         ),
     ] = None,
     weights: Annotated[
@@ -137,6 +152,14 @@ def update(
     inputs: Annotated[
         str | None, typer.Option("--inputs", metavar="AXES", help="Use only these axes of the force.")
     ] = None,
+    responses: Annotated[
+        str | None,
+        typer.Option(
+            "--responses",
+            metavar="OUT/IN,...",
+            help="Use only these responses, one by one, as of a file that lacks some: x/x,y/y,z/z.",
+        ),
+    ] = None,
     response_node: Annotated[
         int | None, typer.Option("--response-node", metavar="N", help="The node of the response, of several.")
     ] = None,
@@ -151,29 +174,16 @@ def update(
     stress = arguments.choice("--weights", weights, ("peaks", "uniform"))
     if max_evaluations < 1:
         raise UsageError("--max-evaluations", found=str(max_evaluations), expected="at least 1")
-    reading = Reading(
-        kind, scale, axes, outputs, inputs, response_node, reference_node, band=band, symmetrize=symmetrize
-    )
+    reading = Reading(kind, scale, axes, outputs, inputs, responses, response_node, reference_node, band, symmetrize)
     check_output("-o", output, force=force, sources=files)
     if report is not None:
         check_output("--report", report, force=force, sources=[*files, output, Path(robot)])
     the_robot = arguments.open_robot(robot)
     measurements, labels = _measurements(the_robot, files, reading, posture or (), frame or (), stress)
     fit = run(the_robot, measurements, parameters=parameters, bounds=limits, max_evaluations=max_evaluations)
-    write_results(fit, output, report)
     if len(labels) != len(fit.postures):  # postures typed apart, but equal to the digits that a fit tells apart
         labels = list(fit.postures)
-    written = {"robot": str(output)} | ({} if report is None else {"report": str(report)})
-    if as_json:
-        from armonic.cli.results import fit_data
-
-        print_json({**fit_data(fit, labels), "written": written})
-    else:
-        from armonic.cli.results import fit_tables
-
-        show(*fit_tables(fit, labels), "")
-        line(f"Wrote {' and '.join(written.values())}.")
-    return ended(fit)
+    return deliver(fit, labels, output, report, as_json=as_json)
 
 
 def run(robot: Robot, measurements: Sequence[Measurement], **options: Any) -> Fit:
@@ -184,12 +194,73 @@ def run(robot: Robot, measurements: Sequence[Measurement], **options: Any) -> Fi
         return compute(robot, measurements, progress=progress, **options)
 
 
-def ended(fit: Fit) -> int:
-    """The exit code of a fit whose results are written."""
+def deliver(
+    fit: Fit,
+    postures: Sequence[str],
+    robot: Path,
+    report: Path | None,
+    *,
+    as_json: bool,
+    true_values: Mapping[str, float] | None = None,
+) -> int:
+    """Write and show a fit: robot, tables, report, so that what fails loses nothing that came before.
+
+    Args:
+        fit: the result.
+        postures: what to call each of `fit.postures`.
+        robot: where the updated robot goes.
+        report: where the report goes, if one is wanted.
+        as_json: print one JSON object, at the end, instead of tables.
+        true_values: values by path, to be shown beside.
+
+    Returns:
+        The exit code.
+    """
+    from armonic.cli.results import fit_data, fit_tables
+
+    written: dict[str, str] = {}
+    failure: ArmonicError | OSError | None = None
+    try:  # before the tables, which end the process if nobody reads them, as under `| head`
+        fit.robot.save(robot)
+        written["robot"] = str(robot)
+    except (ArmonicError, OSError) as error:
+        failure = error
+    if not as_json:
+        show(*fit_tables(fit, postures, true_values), "")
+    try:
+        if report is not None and failure is None:
+            _write_report(fit, report, robot)
+            written["report"] = str(report)
+    except (ArmonicError, OSError) as error:
+        failure = error
+    finally:  # also if the report ends in an exception that nobody foresaw
+        if as_json:
+            ending = {"written": written} | ({"error": error_data(failure)} if failure else {})
+            print_json(fit_data(fit, postures, true_values) | ending)
+        elif written:
+            advice = ": open the report in a browser" if "report" in written else ""
+            line(f"Wrote {' and '.join(written.values())}{advice}.")
+    if failure is not None:
+        return refuse(failure, as_json=False)
     if fit.status != "interrupted":
         return 0
     remark(f"interrupted: the best of {fit.evaluations} evaluations was kept and written")
     return INTERRUPTED
+
+
+def _write_report(fit: Fit, report: Path, robot: Path) -> None:
+    from armonic.report import write_report
+
+    try:
+        write_report(fit, report)
+    except (ArmonicError, OSError) as error:
+        found = error_data(error)["found"] or type(error).__name__
+        raise ArmonicError(
+            f"--report {report}",
+            found=found,
+            expected="a report that can be written",
+            hint=f"The updated robot is safe in {robot}.",
+        ) from error
 
 
 def _measurements(
@@ -200,7 +271,7 @@ def _measurements(
     frames: Sequence[str],
     weights: str,
 ) -> tuple[list[Measurement], list[str]]:
-    """One measurement per file, and a label for each posture in the order of the fit's."""
+    """One measurement per file or single response, and a label for each posture in the order of the fit's."""
     from armonic.updating import Measurement
 
     wheres = arguments.one_for_each("--posture", postures, files)
@@ -211,8 +282,7 @@ def _measurements(
         posture, label = arguments.posture(robot, where)
         key = posture if isinstance(posture, str) else posture.tobytes()
         labels.setdefault(key, label)
-        frf = reading.read(path)
-        measurements.append(
+        measurements += [
             Measurement(
                 frf,
                 posture=posture,
@@ -220,7 +290,8 @@ def _measurements(
                 weights=weights,
                 label=path.name,
             )
-        )
+            for frf in reading.read(path)
+        ]
     return measurements, list(labels.values())
 
 

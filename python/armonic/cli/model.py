@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,7 +13,7 @@ from armonic.cli import arguments
 from armonic.cli.arguments import ForceFlag, FrameOption, JsonFlag, PostureOption, RobotName, UsageError
 from armonic.cli.outputs import check_output
 from armonic.cli.terminal import heading, line, print_json, show, table
-from armonic.text import format_hz, format_si, frf_unit
+from armonic.text import count, format_hz, format_si, frf_unit
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -44,6 +45,9 @@ STABILITY = {
     "unstable": ("Unstable: some motion grows.", "red"),
 }
 PEAKS = 3
+LINES = "0.2:30:0.2"
+ROUNDING = 1e-12
+"""A response that is never more than this share of the largest is what rounding left of zero."""
 
 
 def modes(
@@ -121,7 +125,7 @@ def frf(
     freq: Annotated[
         str,
         typer.Option("--freq", metavar="START:STOP:STEP", help="Frequency lines in Hz, both ends included."),
-    ] = "0.2:30:0.2",
+    ] = LINES,
     kind: Annotated[
         str, typer.Option("--kind", metavar="KIND", help="receptance, mobility or accelerance.")
     ] = "accelerance",
@@ -161,7 +165,8 @@ def frf(
         write_frf(output, response, **({} if is_csv else {"name": the_robot.name, "binary": binary}))
     if as_json:
         print_json(_frf_data(the_robot.name, label, response, output))
-    elif output is not None:
+        return
+    if output is not None:
         n = f"{len(rows)} x {len(columns)} {what} at {at}, posture {label}"
         line(f"Wrote {output}: {n}, {lines.size} lines from {lines[0]:g} to {lines[-1]:g} Hz.")
     else:
@@ -170,14 +175,41 @@ def frf(
             heading(context),
             f"in {_units(response)}",
             "",
-            _peak_table(response),
+            _peak_table(response) if lines.size > 1 else _value_table(response),
             "",
             "Write the responses to a file with -o FILE.uff or .csv.",
         )
+    if freq == LINES:
+        from armonic.modal import modes as compute_modes
+
+        show(*_modes_above(compute_modes(the_robot, where), float(lines[-1])))
+
+
+def _modes_above(result: Modes, last_hz: float) -> Iterator[str]:
+    """A line on the modes that the default frequencies leave out, and on frequencies that show them."""
+    above = result.damped_freq_hz[result.oscillatory & (result.damped_freq_hz > last_hz)]
+    if not above.size:
+        return
+    # A step of 1, 2 or 5 times a power of ten, about 300 of them to a tenth above the highest mode.
+    wanted = 1.1 * float(above.max()) / 300
+    decade = 10.0 ** math.floor(math.log10(wanted))
+    step = next(k * decade for k in (1, 2, 5, 10) if k * decade >= wanted)
+    stop = 50 * step * math.ceil(300 * wanted / (50 * step))
+    verb, them = ("lies", "it") if above.size == 1 else ("lie", "them")
+    modes = f"{above.size} of {count(len(result), 'mode')}"
+    yield f"{modes} {verb} above {last_hz:g} Hz: see {them} with --freq {step:g}:{stop:g}:{step:g}"
+
+
+def _is_zero(response: Frf, row: int, column: int) -> bool:
+    """Whether a response is zero but for rounding, as across the plane of a planar robot."""
+    size = response.magnitude
+    return bool(size[:, row, column].max() <= ROUNDING * size.max())
 
 
 def _peaks(response: Frf, row: int, column: int) -> list[tuple[float, float]]:
-    """Frequency (Hz) and magnitude of the highest local maxima, highest first."""
+    """Frequency (Hz) and magnitude of the highest local maxima, highest first; none of a response that is zero."""
+    if _is_zero(response, row, column):
+        return []
     size = response.magnitude[:, row, column]
     inner = (size[1:-1] > size[:-2]) & (size[1:-1] >= size[2:])
     peaks = sorted(inner.nonzero()[0] + 1, key=lambda line: -size[line])[:PEAKS]
@@ -195,6 +227,15 @@ def _peak_table(response: Frf) -> Table:
     for output, force, row, column in _cells(response):
         found = [f"{format_si(size, digits=3)} at {hz:g} Hz" for hz, size in _peaks(response, row, column)]
         grid.add_row(f"{output}/{force}", *found, *["–"] * (PEAKS - len(found)))
+    return grid
+
+
+def _value_table(response: Frf) -> Table:
+    grid = table("", f">at {response.freq_hz[0]:g} Hz", ">phase")
+    for output, force, row, column in _cells(response):
+        size, phase = (part[0, row, column] for part in (response.magnitude, response.phase_rad))
+        found = (format_si(size, digits=3), f"{math.degrees(phase):.1f}°")
+        grid.add_row(f"{output}/{force}", *(("–", "–") if _is_zero(response, row, column) else found))
     return grid
 
 

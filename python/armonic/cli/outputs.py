@@ -1,18 +1,12 @@
-"""Files to write: refused early where they must not be written, and written together or not at all."""
+"""Files to write: refused early where they must not be written."""
 
 from __future__ import annotations
 
 import os
-import secrets
 from collections.abc import Iterable
-from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from armonic.cli.arguments import UsageError
-
-if TYPE_CHECKING:
-    from armonic.updating import Fit
 
 
 def check_output(option: str, path: Path, *, force: bool, sources: Iterable[Path] = ()) -> None:
@@ -39,21 +33,3 @@ def check_output(option: str, path: Path, *, force: bool, sources: Iterable[Path
         raise UsageError(where, found="a folder without permission to write", expected="a writable folder")
     if path.exists() and not force:
         raise UsageError(where, found="a file that exists", expected="a new name", hint="Use --force to overwrite it.")
-
-
-def write_results(fit: Fit, robot: Path, report: Path | None) -> None:
-    """Write the updated robot and, if wanted, the report: both whole, or neither."""
-    if report is None:
-        fit.robot.save(robot)
-        return
-    from armonic.report import write_report
-
-    target = report.resolve()
-    beside = target.with_name(f".{target.stem}.{secrets.token_hex(4)}.part{target.suffix}")
-    try:
-        write_report(fit, beside)
-        fit.robot.save(robot)
-        beside.replace(target)
-    finally:
-        with suppress(OSError):
-            beside.unlink()  # left over only if something failed

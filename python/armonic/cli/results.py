@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from armonic.cli.terminal import VERDICT_STYLE, heading, table
+from armonic.cli.terminal import VERDICT_STYLE, heading, table, warning
 from armonic.text import (
     format_hz,
     format_interval,
@@ -44,7 +44,13 @@ def fit_tables(
         yield heading(f"Modes in posture {label}, before → after, paired by MAC")
         yield _modal_table(before, after, mac)
         yield ""
-    yield f"{summary(fit)} Noise of the responses: about {format_percent(fit.noise, digits=2)}."
+    yield (
+        f"{summary(fit)} Model and measurement differ by about {format_percent(fit.noise, digits=2)} (one standard "
+        "deviation, equal weights); the intervals take that for noise that is the same share of every value."
+    )
+    for doubt in fit.doubts:
+        yield ""
+        yield warning(doubt)
 
 
 def _parameter_table(parameters: Sequence[FittedParameter], true_values: Mapping[str, float] | None) -> RenderableType:
@@ -115,8 +121,8 @@ def modes_data(modes: Modes) -> list[dict[str, Any]]:
     ]
 
 
-def fit_data(fit: Fit, postures: Sequence[str]) -> dict[str, Any]:
-    """The whole fit; an interval end of null is open."""
+def fit_data(fit: Fit, postures: Sequence[str], true_values: Mapping[str, float] | None = None) -> dict[str, Any]:
+    """The whole fit, as in `fit_tables`; an interval end of null is open."""
     return {
         "status": fit.status,
         "message": fit.message,
@@ -124,6 +130,7 @@ def fit_data(fit: Fit, postures: Sequence[str]) -> dict[str, Any]:
         "start_cost": fit.start_cost,
         "evaluations": fit.evaluations,
         "noise": fit.noise,
+        "doubts": list(fit.doubts),
         "duration_s": fit.duration_s,
         "parameters": [
             {
@@ -134,6 +141,7 @@ def fit_data(fit: Fit, postures: Sequence[str]) -> dict[str, Any]:
                 "bounds": [p.lower, p.upper],
                 "interval": list(p.interval),
                 "verdict": p.verdict,
+                **({} if true_values is None else {"true": true_values.get(p.path)}),
             }
             for p in fit.parameters
         ],

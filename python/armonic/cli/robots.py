@@ -8,7 +8,9 @@ import typer
 
 from armonic.cli import arguments
 from armonic.cli.arguments import JsonFlag, RobotName
+from armonic.cli.refusals import BAD_INPUT
 from armonic.cli.terminal import heading, print_json, remark, show, table
+from armonic.text import count
 
 if TYPE_CHECKING:
     from armonic.checks import Finding
@@ -49,28 +51,30 @@ def check(robot: RobotName, as_json: JsonFlag = False) -> None:
 
     The exit code is 2 if something is wrong, and 0 if there are only warnings.
     """
+    from armonic.checks import Finding
     from armonic.checks import check as findings_of
     from armonic.errors import RobotFileError
 
     try:
         the_robot = arguments.open_robot(robot)
-        findings = findings_of(the_robot)
+        name, findings = the_robot.name, findings_of(the_robot)
     except RobotFileError as error:
-        if as_json:
-            invalid = {"level": "error", "where": error.where, "message": str(error)}
-            print_json({"robot": robot, "ok": False, "findings": [invalid]})
-        raise
+        if not (error.errors or as_json):
+            raise
+        name = "no valid robot file"
+        findings = tuple(
+            Finding("error", one.where.removeprefix(f"{robot}, "), str(one).removeprefix(f"{one.where}: "))
+            for one in error.errors or (error,)
+        )
     errors = sum(finding.level == "error" for finding in findings)
     if as_json:
         listed = [{"level": f.level, "where": f.where, "message": f.message} for f in findings]
         print_json({"robot": robot, "ok": not errors, "findings": listed})
     else:
-        _show(robot, the_robot.name, findings)
+        _show(robot, name, findings)
     if errors:
-        from armonic.text import count
-
         remark(f"error: {robot}: {count(errors, 'error')} found.")
-        raise typer.Exit(2)
+        raise typer.Exit(BAD_INPUT)
 
 
 def _show(source: str, name: str, findings: tuple[Finding, ...]) -> None:

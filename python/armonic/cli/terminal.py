@@ -47,6 +47,13 @@ def heading(text: str) -> RenderableType:
     return Text(text, style="bold")
 
 
+def warning(text: str) -> RenderableType:
+    """A sentence in yellow that says so."""
+    from rich.text import Text
+
+    return Text(f"Warning: {text}", style="yellow")
+
+
 def table(*columns: str) -> Table:
     """An empty table; columns of numbers, marked by a leading ">", are right-aligned and never broken."""
     from rich import box

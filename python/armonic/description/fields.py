@@ -30,7 +30,7 @@ class FieldError(RobotFileError):
     """An error inside a validator; `at` leads from the validated value to the fault.
 
     With `at_key` the fault is the key there, not its value; with `is_missing` it is what a mapping lacks.
-    `suggest` makes the hint, which is slow among many names and wanted for one error only.
+    `suggest` makes the hint, which is slow among many names and wanted for the first errors only.
     """
 
     at_key = False

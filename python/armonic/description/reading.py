@@ -15,6 +15,9 @@ from armonic.description.schema import Link, RobotDescription
 from armonic.description.units import shown
 from armonic.errors import RobotFileError
 
+SUGGESTIONS = 20
+"""So many errors of a file get the nearest known name, which is slow to find among thousands."""
+
 
 def read_description(document: Document) -> RobotDescription:
     """Check a document against the schema, and its names against each other.
@@ -26,12 +29,12 @@ def read_description(document: Document) -> RobotDescription:
         The description, everything in SI, postures as numbers in the order of the joints.
 
     Raises:
-        RobotFileError: for the first error in the file; it counts the others.
+        RobotFileError: for the first error in the file; it counts the others and has them all as `errors`.
     """
     try:
         description = RobotDescription.model_validate(document.data)
     except ValidationError as error:
-        raise _first(document, [_field_error(details) for details in error.errors(include_url=False)]) from None
+        raise _refusal(document, [_field_error(details) for details in error.errors(include_url=False)]) from None
     errors = list(_tree_errors(description))
     if not errors:
         postures: dict[str, tuple[float, ...]] = {}
@@ -40,7 +43,7 @@ def read_description(document: Document) -> RobotDescription:
         errors += _bushing_errors(description)
         description = description.model_copy(update={"postures": postures})
     if errors:
-        raise _first(document, errors)
+        raise _refusal(document, errors)
     return description
 
 
@@ -184,7 +187,9 @@ def listed(names: Sequence[str], separator: str = ", ") -> str:
     return separator.join(names if len(names) <= 12 else [*names[:12], "..."])
 
 
-def _first(document: Document, errors: list[FieldError]) -> RobotFileError:
+def _refusal(document: Document, errors: list[FieldError]) -> RobotFileError:
+    """The first error in the file, with all of them in its order."""
+
     def place(error: FieldError) -> int:
         if error.at_key:
             return document.key(error.at).start
@@ -192,13 +197,19 @@ def _first(document: Document, errors: list[FieldError]) -> RobotFileError:
         # What is missing is missed at the end, so that a misspelt key is told first.
         return node.end if error.is_missing else node.start
 
-    first = min(errors, key=place)
-    hint = first.suggest() if first.suggest else first.hint
-    if len(errors) > 1:
-        hint = f"{hint} " if hint else ""
-        hint += f"There {'is 1 more error' if len(errors) == 2 else f'are {len(errors) - 1} more errors'}."
-    where = document.where(first.at, at_key=first.at_key)
-    return RobotFileError(where, found=first.found, expected=first.expected, hint=hint)
+    placed = []
+    for i, error in enumerate(sorted(errors, key=place)):
+        hint = error.suggest() if error.suggest and i < SUGGESTIONS else error.hint
+        where = document.where(error.at, at_key=error.at_key)
+        placed.append(RobotFileError(where, found=error.found, expected=error.expected, hint=hint))
+    first, others = placed[0], len(placed) - 1
+    if not others:
+        return first
+    count = f"There {'is 1 more error' if others == 1 else f'are {others} more errors'}."
+    hint = f"{first.hint} {count}" if first.hint else count
+    refusal = RobotFileError(first.where, found=first.found, expected=first.expected, hint=hint)
+    refusal.errors = tuple(placed)
+    return refusal
 
 
 def _field_error(details: Mapping[str, Any]) -> FieldError:

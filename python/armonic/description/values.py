@@ -94,10 +94,25 @@ def _matches(parameter: Parameter, pattern: str) -> bool:
 def unknown_path(path: str, known: Iterable[str]) -> UpdateError:
     """The error for a path or pattern that is no parameter of the robot."""
     names = list(known)
-    hint = did_you_mean(path, names)
+    hint = _in_full(path, names) or did_you_mean(path, names)
     if hint is None:
         hint = f"The first of {len(names)} is {names[0]}." if names else "The robot has no elasticity yet."
     return UpdateError("parameters", found=repr(path), expected="the path of a stiffness or damping", hint=hint)
+
+
+def _in_full(short: str, paths: Iterable[str]) -> str | None:
+    """A hint for a path with parts left out, such as "arm.z": the paths that have them all, as one pattern."""
+
+    def has_all(path: str) -> bool:
+        parts = iter(path.split("."))
+        return all(any(fnmatchcase(part, word) for part in parts) for word in short.split("."))
+
+    found = [path.split(".") for path in paths if has_all(path)]
+    if not found:
+        return None
+    alike = [parts for parts in found if len(parts) == len(found[0])]
+    pattern = (column[0] if len(set(column)) == 1 else "*" for column in zip(*alike, strict=True))
+    return f"Did you mean {'.'.join(pattern)}?"
 
 
 def write(document: Document, parameters: Mapping[str, Parameter], values: Mapping[str, float | str]) -> Document:

@@ -245,5 +245,5 @@ class _Panel:
 
 
 def _hover(p: FittedParameter) -> list[str]:
-    interval = format_interval(*p.interval, bounds=(p.lower, p.upper))
+    interval = format_interval(*p.interval)
     return [html.escape(p.path), format_si(p.value, p.unit), interval]

@@ -96,7 +96,7 @@ class _Cell:
         self.upper, self.lower = (str(2 * (i * columns + j) + n) for n in (1, 2))
         gap, total = 34, rows * height - 34
         width = 1 / (columns + 0.05 * (columns - 1))
-        self.left, self.right = j * 1.05 * width, j * 1.05 * width + width
+        self.left, self.right = j * 1.05 * width, min(1.0, j * 1.05 * width + width)
         self.top, self.bottom = 1 - i * height / total, max(0.0, 1 - (i * height + height - gap) / total)
         self.split, self.half_gap = self.bottom + 0.4 * (self.top - self.bottom), 5 / total
 

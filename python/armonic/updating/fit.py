@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections import Counter
+from dataclasses import dataclass
+from functools import cached_property
 from time import perf_counter
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -14,6 +16,7 @@ from armonic.linear import LinearModel, linearize
 from armonic.modal import Modes, mac, modes
 from armonic.response import Frf
 from armonic.synthesis import AXES, frf, system
+from armonic.updating.doubts import doubts
 from armonic.updating.measurement import Measurement, levelled
 from armonic.updating.parameters import Parameter, choose, refuse_loaded
 from armonic.updating.solver import Objective, Status, minimize
@@ -35,12 +38,11 @@ ROUNDING = 1e-12
 """A response smaller than this share of the terms it adds up from is zero."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Fit:
     """The result of model updating.
 
     Attributes:
-        robot: the description with the fitted numbers, comments kept.
         start: the description before.
         parameters: value, bounds, 95 % interval and verdict of each fitted parameter.
         cost: weighted sum of squared log differences at the end (Huynh et al. 2021, Eq. 22).
@@ -50,34 +52,47 @@ class Fit:
         noise: estimated relative noise of the responses (standard deviation of one real part of ln H).
         status: "converged", "limit" or "interrupted".
         message: the solver's own words.
+        doubts: what speaks against trusting verdicts and intervals, in full sentences; empty if nothing does.
         duration_s: from call to return, wall clock.
         measurements: what was fitted.
         postures: label of each measurement's posture, once each.
         before: modes before, one per entry of `postures`.
         after: modes after.
-        mac: MAC of modes before (rows) and after (columns), one matrix per posture.
+        mac: mass-weighted MAC of modes before (rows) and after (columns), one matrix per posture.
         frf_before: model responses before, one per measurement, in its kind and lines.
         frf_after: model responses after.
     """
 
-    robot: Robot = field(repr=False)
-    start: Robot = field(repr=False)
+    start: Robot
     parameters: tuple[FittedParameter, ...]
     cost: float
     start_cost: float
-    cost_history: Array = field(repr=False)
+    cost_history: Array
     evaluations: int
     noise: float
     status: Status
     message: str
+    doubts: tuple[str, ...]
     duration_s: float
-    measurements: tuple[Measurement, ...] = field(repr=False)
+    measurements: tuple[Measurement, ...]
     postures: tuple[str, ...]
-    before: tuple[Modes, ...] = field(repr=False)
-    after: tuple[Modes, ...] = field(repr=False)
-    mac: tuple[Array, ...] = field(repr=False)
-    frf_before: tuple[Frf, ...] = field(repr=False)
-    frf_after: tuple[Frf, ...] = field(repr=False)
+    before: tuple[Modes, ...]
+    after: tuple[Modes, ...]
+    mac: tuple[Array, ...]
+    frf_before: tuple[Frf, ...]
+    frf_after: tuple[Frf, ...]
+
+    @cached_property
+    def robot(self) -> Robot:
+        """The description with the fitted numbers, comments kept."""
+        return self.start.with_values({p.path: p.value for p in self.parameters})
+
+    def __repr__(self) -> str:
+        """How it ended and what it found, in one line."""
+        verdicts = Counter(p.verdict for p in self.parameters)
+        found = ", ".join(f"{count} {verdict}" for verdict, count in verdicts.items())
+        cost = f"cost {self.start_cost:.4g} -> {self.cost:.4g} in {self.evaluations} evaluations"
+        return f"Fit({self.status}, {cost}, {len(self.parameters)} parameters: {found})"
 
 
 def update(
@@ -139,17 +154,17 @@ def update(
         np.array([p.lower for p in chosen]),
         np.array([p.upper for p in chosen]),
         tolerance=tolerance,
-        levelled=_problem(measurements, models, even) if emphasis else None,
+        levelled=_problem(measurements, models, even, prices=weights) if emphasis else None,
     )
-    updated = robot.with_values({p.path: float(v) for p, v in zip(chosen, run.values, strict=True)})
-    fitted, noise = _judged(measurements, models, weights, objective, chosen, run.values)
-    after = [linearize(updated, m.posture) for m in measurements]
+    values = np.array([_rounded(v, p) for p, v in zip(chosen, run.values, strict=True)])
+    fitted, noise = _judged(measurements, models, weights, objective, chosen, values)
+    theta[free] = values
+    after = [model.with_impedances(*theta.reshape(2, -1)) for model in models]
     first = {model.posture: i for i, model in reversed(list(enumerate(models)))}
     order = sorted(first.values())
     modes_before, modes_after = (tuple(modes(side[i]) for i in order) for side in (models, after))
     frf_after = tuple(_like(m, model) for m, model in zip(measurements, after, strict=True))
     return Fit(
-        robot=updated,
         start=robot,
         parameters=fitted,
         cost=run.cost,
@@ -159,6 +174,7 @@ def update(
         noise=noise,
         status=run.status,
         message=run.message,
+        doubts=doubts(measurements, frf_after, weights, noise),
         measurements=measurements,
         postures=tuple(models[i].posture for i in order),
         before=modes_before,
@@ -168,6 +184,13 @@ def update(
         frf_after=frf_after,
         duration_s=perf_counter() - begin,
     )
+
+
+def _rounded(value: float, parameter: Parameter) -> float:
+    """Twelve significant digits, within the bounds; what the fit left alone keeps its own."""
+    if value == parameter.start:
+        return parameter.start
+    return min(max(float(f"{value:.12g}"), parameter.lower), parameter.upper)
 
 
 def _refuse_absent(m: Measurement, model: LinearModel, weight: Array) -> None:
@@ -199,18 +222,26 @@ def _refuse_absent(m: Measurement, model: LinearModel, weight: Array) -> None:
 
 
 def _problem(
-    measurements: Sequence[Measurement], models: Sequence[LinearModel], weights: Sequence[Array]
+    measurements: Sequence[Measurement],
+    models: Sequence[LinearModel],
+    weights: Sequence[Array],
+    *,
+    prices: Sequence[Array] | None = None,
 ) -> _core.Problem:
-    """The core's residual. The factor (iω)^p of the kind cancels in a log difference, so receptances are compared."""
-    targets = []
-    for m, model, weight in zip(measurements, models, weights, strict=True):
+    """The core's residual under some weights, and its price under others (the same if not given).
+
+    The factor (iω)^p of the kind cancels in a log difference, so receptances are compared.
+    """
+    targets, told = [], []
+    for m, model, weight, price in zip(measurements, models, weights, prices or weights, strict=True):
         power = {"receptance": 0, "mobility": 1, "accelerance": 2}[m.frf.kind]
         points = 2j * np.pi * m.frf.freq_hz
         kept = (points != 0) | (power == 0)
         values = m.frf.values[kept] / (points[kept] ** power)[:, None, None]
         core = system(model, m.frame, m.frf.outputs, m.frf.inputs, input_frame=m.frf.input_frame)
         targets.append((core, points[kept], values, weight[kept]))
-    return _core.Problem(targets)
+        told.append(price[kept])
+    return _core.Problem(targets, prices=told)
 
 
 def _judged(

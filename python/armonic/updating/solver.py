@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
 Status = Literal["converged", "limit", "interrupted"]
 
+UNSEEN = 1e-11
+"""A column of the Jacobian below this share of the largest is rounding: the data do not see that parameter, and it is
+left where it started instead of being steered by noise."""
 FIRST_TOLERANCE = 1e-5
 """How far the pass under levelled weights goes: near enough for the peaks to lie over each other, and no further."""
 
@@ -76,12 +79,19 @@ class Objective:
         Raises:
             ArithmeticError: the response is zero or infinite there.
         """
-        return (problem or self.problem).reduce(*self._impedances(values), self.free)
+        return self._priced(values, problem or self.problem)[0]
+
+    def _priced(self, values: Array, problem: _core.Problem) -> tuple[Array, float]:
+        triangle, price = problem.reduce_priced(*self._impedances(values), self.free)
+        size = np.linalg.norm(triangle[:, :-1], axis=0)
+        triangle[:, :-1][:, size <= UNSEEN * size.max(initial=0.0)] = 0.0
+        return triangle, price
 
     def evaluate(self, logarithms: Array, problem: _core.Problem) -> Array:
         """The triangle of a problem, remembered until the next point; infinite where the model has no answer.
 
-        What counts as the best, and what the history holds, is the cost of `self.problem` in any case.
+        What counts as the best, and what the history holds, is the price of the problem: the cost under the weights
+        that were asked for, whichever weights the pass works with.
 
         Raises:
             EvaluationsUsedUpError: no evaluation is left.
@@ -92,9 +102,7 @@ class Objective:
             raise EvaluationsUsedUpError
         values = np.exp(logarithms)
         try:
-            triangle = self.triangle(values, problem)
-            own = problem is self.problem
-            cost = float(np.sum(triangle[:, -1] ** 2) if own else self.problem.costs(*self._impedances(values))[0])
+            triangle, cost = self._priced(values, problem)
         except ArithmeticError:
             triangle, cost = np.full((len(values) + 1,) * 2, np.inf), np.inf
         if cost < self.best[0]:

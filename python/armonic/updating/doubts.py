@@ -1,0 +1,61 @@
+"""What speaks against trusting a fit: signs in the residual that its intervals do not know of."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from armonic.response import Frf
+    from armonic.updating.measurement import Measurement
+
+    Array: TypeAlias = NDArray[np.float64]
+
+MISFIT = 0.25
+"""A model that differs by this share from the strongest third of the measured values does not explain them."""
+FLOOR_RATIO = 5.0
+"""The weakest third of the values deviates so many times more than the strongest: that is a noise floor."""
+FEWEST = 10
+"""Fewer values than this in a third say nothing about the noise."""
+NOISELESS = 1e-6
+"""Below this there is nothing but rounding."""
+
+
+def doubts(
+    measurements: Sequence[Measurement], models: Sequence[Frf], weights: Sequence[Array], noise: float
+) -> tuple[str, ...]:
+    """Full sentences, most serious first; empty where the residual looks as the intervals assume.
+
+    Args:
+        measurements: what was fitted.
+        models: the fitted model's responses, one per measurement.
+        weights: weight of every value; those of zero are left out.
+        noise: standard deviation of one real part of the log residual.
+    """
+    size, deviation = [], []
+    for m, model, weight in zip(measurements, models, weights, strict=True):
+        used = (weight > 0) & (model.values != 0)
+        ratio = m.frf.values[used] / model.values[used]
+        size.append(np.abs(m.frf.values[used]))
+        deviation.append(np.abs(np.log(np.abs(ratio)) + 1j * np.angle(ratio)))
+    spread = np.concatenate(deviation)[np.argsort(np.concatenate(size))]
+    third = max(len(spread) // 3, 1)
+    weak, strong = (float(np.sqrt(np.mean(part**2) / 2)) for part in (spread[:third], spread[-third:]))
+    if strong > MISFIT:
+        return (
+            f"The model does not explain these data: where they are strong they differ by about {100 * strong:.0f} %, "
+            "and verdicts and intervals mean little. Check posture, frame, axes, kind and units of the measurement, "
+            "and the start.",
+        )
+    if third < FEWEST or noise < NOISELESS or weak <= FLOOR_RATIO * strong:
+        return ()
+    return (
+        f"Weak responses deviate {weak / strong:.0f} times more than strong ones, as under a constant noise floor. "
+        "The intervals assume noise in proportion and are too narrow here: leave out what the floor hides, by weights "
+        "or by a band.",
+    )
