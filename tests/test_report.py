@@ -358,3 +358,21 @@ def test_a_single_line_is_drawn_as_a_dot(fit: Fit) -> None:
     line = fit.measurements[1].frf.band(10.0, 10.2)
     assert line.freq_hz.size == 1
     assert {trace.mode for trace in plots.frf_matrix({"measured": line}).data} == {"markers"}
+
+
+def test_what_speaks_against_the_fit_stands_at_the_top(fit: Fit) -> None:
+    doubtful = Page(render(replace(fit, doubts=("The model does not explain these data.",))))
+    assert "The model does not explain these data." in doubtful.text
+    assert "does not explain" not in Page(render(fit)).text
+    assert doubtful.text.index("does not explain") < doubtful.text.index("Frequency responses")
+
+
+@pytest.mark.parametrize("count", range(1, 7))
+def test_a_matrix_of_any_width_is_drawn_within_the_picture(count: int) -> None:
+    axes = ("x", "y", "z", "rx", "ry", "rz")[:count]
+    frf = am.Frf(np.array([1.0, 2.0]), np.ones((2, 1, count), complex), "receptance", ("x",), axes)
+    layout = plots.frf_matrix({"measured": frf}).to_dict()["layout"]
+    ends = [end for name, axis in layout.items() if "axis" in name and "domain" in axis for end in axis["domain"]]
+    assert len(ends) == 8 * count
+    assert min(ends) >= 0
+    assert max(ends) <= 1

@@ -99,6 +99,7 @@ def render(fit: Fit, *, title: str | None = None) -> str:
         file=fit.start.path.name if fit.start.path else None,
         summary=text.summary(fit),
         status=fit.status,
+        doubts=fit.doubts,
         tiles=_tiles(fit),
         counts={verdict: number for verdict, number in text.verdict_counts(fit).items() if number},
         measurements=[_measurement(fit, k, embed) for k in range(len(fit.measurements))],
