@@ -264,3 +264,17 @@ def test_any_other_start_than_the_resonance_is_fitted_even_without_damping() -> 
     fit = am.update(oscillator(1.0, 380.0), Measurement(G, {}, weights="uniform"), parameters="stiffness")
     assert np.isfinite(fit.cost)
     assert fit.cost <= fit.start_cost
+
+
+def test_bounds_that_only_rounding_tells_apart_are_refused() -> None:
+    bounds = {STIFFNESS: (2.0e6, float(np.nextafter(2.0e6, 1e99)))}
+    refused(UpdateError, "two positive numbers, low < high", DATA, bounds=bounds)
+
+
+def test_responses_too_small_to_take_a_logarithm_of_are_refused() -> None:
+    tiny = replace(DATA.frf, values=DATA.frf.values * 1e-200)
+    refused(UpdateError, r"measurements: found .*e-\d+, expected", Measurement(tiny, "milling", weights="uniform"))
+
+
+def test_a_bare_response_is_no_measurement() -> None:
+    refused(UpdateError, r"found a Frf, expected at least one Measurement", [DATA.frf])

@@ -339,6 +339,7 @@ def test_a_fit_to_another_posture_says_that_the_model_does_not_explain_the_data(
     H = synthesized(truth, [0.0, 0.3, -0.4], lambda rng, H: H)
     fit = am.update(truth, am.Measurement(H, [0.0, 1.2, -1.7]))
     assert "does not explain these data" in fit.doubts[0]
+    assert "identified" not in {p.verdict for p in fit.parameters}
 
 
 def test_what_the_data_do_not_see_at_all_stays_where_it_was() -> None:
@@ -363,3 +364,12 @@ links:
         unseen = found[f"bed.elasticity.tz.{quantity}"]
         assert (unseen.value, unseen.verdict, unseen.interval) == (unseen.start, "not identifiable", (0.0, np.inf))
     assert found["slide.elasticity.tx.stiffness"].value == pytest.approx(1.0e6, rel=0.01)  # 70 lines of 2 %
+
+
+def test_as_many_parameters_as_data_determine_nothing() -> None:
+    truth = am.load("kuka_kr90")
+    H = am.frf(truth, "milling", [14.0], frame="sensor", outputs="x", inputs="x")
+    off = replace(H, values=1.1 * H.values)
+    fit = am.update(truth, am.Measurement(off, "milling", weights="uniform"), parameters="links.arm.elasticity.z.*")
+    assert {p.interval for p in fit.parameters} == {(0.0, np.inf)}
+    assert {p.verdict for p in fit.parameters} <= {"not identifiable", "at bound"}

@@ -198,3 +198,8 @@ def test_only_a_matrix_of_one_frame_is_made_symmetric() -> None:
     with pytest.raises(FrfError, match=r"force at 'elbow' and a response at 'tip'"):
         across.symmetrized()
     assert replace(across, input_frame="tip").symmetrized().input_frame == "tip"
+
+
+def test_a_band_holds_the_lines_at_its_ends_whatever_rounding_did_to_them() -> None:
+    frf = Frf(np.array([4.8, 5.000000000000001, 5.2]), np.ones((3, 1, 1), complex), "receptance", ("x",), ("x",))
+    assert frf.band(5, 5).freq_hz.size == 1

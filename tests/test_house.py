@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import pickle
 import re
 import shutil
 import subprocess
@@ -100,3 +101,10 @@ def test_no_file_grew_past_a_head_full() -> None:
     long = {p.name: n for p in source if (n := len(p.read_text("utf-8").splitlines())) > 450}
     assert len(source) > 30
     assert not long
+
+
+@pytest.mark.parametrize("kind", [name for name in am.__all__ if name.endswith("Error")])
+def test_every_error_crosses_to_another_process_whole(kind: str) -> None:
+    error = getattr(am, kind)("robot.yaml, line 3", found="-1", expected="a mass", hint="Weigh it.")
+    again = pickle.loads(pickle.dumps(error))
+    assert (type(again), str(again), again.hint) == (type(error), str(error), error.hint)

@@ -414,3 +414,17 @@ def test_springs_beside_a_loaded_bushing_are_neither_fitted_nor_varied():
     with pytest.raises(am.UpdateError, match=r"bushings.pad.stiffness.x: found a bushing that carries load"):
         am.update(loaded, measured, parameters="bushings.pad.stiffness.x")
     assert am.update(at_rest, measured, parameters="bushings.pad.stiffness.x").cost < 1e-20
+
+
+@pytest.mark.parametrize("load", [{"wrench": [1e308] * 6, "frame": "sensor"}, {"velocity": [1e200, 1e200, 0.0]}])
+def test_loads_and_speeds_beyond_all_numbers_are_refused(load):
+    with pytest.raises(ModelError, match="numbers too large"):
+        am.linearize(kuka(), "milling", **load)
+
+
+def test_inertia_that_no_body_has_is_refused_by_every_analysis():
+    link = {"name": "a", "parent": "base", "joint": {"type": "revolute", "axis": "z"}, "mass": 1.0}
+    robot = robot_of([link | {"inertia": {"zz": -500}, "elasticity": {"z": spring(1e4, 1.0)}}])
+    for ask in (am.linearize, am.modes, lambda r, q: am.frf(r, q, [1.0], frame="a")):
+        with pytest.raises(ModelError, match=r"negative direction.*armonic check"):
+            ask(robot, [0.0])

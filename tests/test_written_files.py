@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+import armonic as am
 from armonic.errors import DataFileError, FrfError
 from armonic.files import read_csv, read_frf, read_uff, write_csv, write_frf, write_uff
 from armonic.response import KINDS, Frf, Kind
@@ -170,7 +172,7 @@ def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(DataFileError, match=r"a\.uff: found No space left on device"):
+    with pytest.raises(DataFileError, match=r"a\.uff: found a place that cannot be written \(No space left"):
         write(path, measured())
     assert [file.name for file in tmp_path.iterdir()] == ["a.uff"]
     assert path.read_bytes() == b"old"
@@ -184,7 +186,7 @@ def test_a_place_that_cannot_be_written_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     (tmp_path / "folder.uff").mkdir()
     for name in ("none/a.uff", "file/a.uff", "folder.uff", "bad\0name.uff"):
-        with pytest.raises(DataFileError, match="a place where a file can be written"):
+        with pytest.raises(DataFileError, match=r"expected (a folder that exists|the path of a file)"):
             write_uff(tmp_path / name, measured())
     assert sorted(file.name for file in tmp_path.iterdir()) == ["file", "folder.uff"]
 
@@ -193,3 +195,41 @@ def test_nothing_is_printed(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -
     write_frf(tmp_path / "a.uff", measured(), binary=True)
     read_frf(tmp_path / "a.uff")
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("name", ["a.uff", "a.csv"])
+def test_where_the_force_acted_comes_back(name: str, tmp_path: Path) -> None:
+    values = np.ones((2, 1, 1), complex)
+    across = Frf(np.array([1.0, 2.0]), values, "mobility", ("x",), ("y",), frame="tip", input_frame="elbow")
+    write_frf(tmp_path / name, across)
+    again = read_frf(tmp_path / name)
+    assert (again.frame, again.input_frame) == ("tip", "elbow")
+
+
+def test_a_force_at_a_place_that_a_file_cannot_name_is_not_forgotten(tmp_path: Path) -> None:
+    across = Frf(np.array([1.0]), np.ones((1, 1, 1), complex), "mobility", ("x",), ("y",), "tip", "an elbow, left" * 9)
+    for name in ("a.uff", "a.csv"):
+        with pytest.raises(FrfError, match="input_frame"):
+            write_frf(tmp_path / name, across)
+        assert not (tmp_path / name).exists()
+
+
+def test_a_device_is_not_replaced_by_a_file(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.csv")
+    with pytest.raises(DataFileError, match="a device or a pipe"):
+        write_frf(tmp_path / "pipe.csv", Frf(np.array([1.0]), np.ones((1, 1, 1), complex), "mobility", ("x",), ("x",)))
+    (tmp_path / "loop.csv").symlink_to("loop.csv")
+    with pytest.raises(DataFileError):
+        write_frf(tmp_path / "loop.csv", Frf(np.array([1.0]), np.ones((1, 1, 1), complex), "mobility", ("x",), ("x",)))
+
+
+def test_threads_may_save_one_file_at_once_and_nobody_finds_half_of_it(tmp_path: Path) -> None:
+    robot = am.load("kuka_kr90")
+
+    def work(_: int) -> bool:
+        robot.save(tmp_path / "same.yaml")
+        return am.load(tmp_path / "same.yaml").name == robot.name
+
+    with ThreadPoolExecutor(6) as pool:
+        assert all(pool.map(work, range(60)))
+    assert [path.name for path in tmp_path.iterdir()] == ["same.yaml"]

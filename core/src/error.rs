@@ -1,5 +1,14 @@
 //! One error type; each variant carries what was needed and what was got.
 
+/// A number in few characters, whatever its size.
+fn short(value: f64) -> String {
+    if value == 0.0 || (1e-4..1e9).contains(&value.abs()) || !value.is_finite() {
+        value.to_string()
+    } else {
+        format!("{value:e}")
+    }
+}
+
 /// What the core refuses to compute.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Error {
@@ -32,7 +41,7 @@ pub enum Error {
         parent: usize,
     },
     /// A number is not finite, or lies outside the range where it has a meaning.
-    #[error("{what}: found {got}, expected {expected}")]
+    #[error("{what}: found {}, expected {expected}", short(*got))]
     Value {
         /// Name of the quantity.
         what: &'static str,

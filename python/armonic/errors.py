@@ -21,6 +21,14 @@ class ArmonicError(ValueError):
         message = f"{where}: found {found}, expected {expected}."
         super().__init__(message if hint is None else f"{message} {hint}")
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """Made again from its parts, so that it crosses to another process."""
+        return _made_again, (type(self), self.where, self.found, self.expected, self.hint), self.__dict__
+
+
+def _made_again(kind: type[ArmonicError], where: str, found: str, expected: str, hint: str | None) -> ArmonicError:
+    return kind(where, found=found, expected=expected, hint=hint)
+
 
 class RobotFileError(ArmonicError):
     """The robot description is malformed or physically impossible.

@@ -163,6 +163,7 @@ def linearize(
         raise PostureError("equilibrium", found=repr(equilibrium), expected='"reference" or "static"')
     tangent = robot.mechanism.linearize(q, rates[0], rates[1], wrenches=wrenches, bushings=bushings)
     mass, damping, stiffness = tangent[:, keep[:, None], keep]
+    _refuse_impossible(robot, label, mass, tangent)
     impedances, directions, spring, damper, in_tangent = _impedances(robot, q, bushings, keep)
     # The tangent holds the bushings whole; those of their springs that stand in the list are taken out again.
     held = directions[in_tangent]
@@ -184,6 +185,22 @@ def linearize(
         damper=damper,
         loaded=_loaded(robot, q, bushings),
     ).with_impedances(spring, damper)
+
+
+def _refuse_impossible(robot: Robot, label: str, mass: Array, tangent: Array) -> None:
+    where = f"{robot.name}, posture {label}"
+    if not np.isfinite(tangent).all():
+        raise ModelError(where, found="numbers too large to compute with", expected="loads and speeds of this world")
+    size = np.sqrt(np.maximum(np.diag(mass), 0.0))
+    seen = size > 0
+    inertia = np.linalg.eigvalsh(mass[np.ix_(seen, seen)] / np.outer(size[seen], size[seen]))
+    if (np.diag(mass) < 0).any() or inertia.min(initial=0.0) < -1e-9:
+        raise ModelError(
+            where,
+            found="a mass matrix with a negative direction",
+            expected="inertia that some real body has",
+            hint="Run `armonic check` on the robot file.",
+        )
 
 
 def model_of(

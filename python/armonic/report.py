@@ -17,9 +17,9 @@ from scipy.optimize import linear_sum_assignment
 
 import armonic
 from armonic import plots, text
-from armonic.description.document import write_text
 from armonic.modal import mac
 from armonic.updating.uncertainty import IDENTIFIED_FACTOR, WEAK_FACTOR
+from armonic.writing import write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -83,7 +83,7 @@ def write_report(fit: Fit, path: str | Path, *, title: str | None = None) -> Pat
     """
     target = Path(path)
     page = render(fit, title=title)
-    write_text(target, page.encode("utf-8", "replace").decode("utf-8"))  # a label may hold half a character
+    write_whole(target, page.encode("utf-8", "replace"))  # a label may hold half a character
     return target
 
 

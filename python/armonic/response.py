@@ -176,7 +176,8 @@ class Frf:
         Raises:
             FrfError: there is no line in that band.
         """
-        kept = (self.freq_hz >= low_hz) & (self.freq_hz <= high_hz)
+        slack = 1e-9 * self.freq_hz  # a line read from a file may lie beside its number by rounding
+        kept = (self.freq_hz >= low_hz - slack) & (self.freq_hz <= high_hz + slack)
         if not kept.any():
             raise FrfError(
                 "band",

@@ -14,13 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armonic import catalog
-from armonic.description.document import Document, is_file, read_text, write_text
+from armonic.description.document import Document, is_file, read_text
 from armonic.description.reading import did_you_mean, listed, read_description
 from armonic.description.schema import RobotDescription
 from armonic.description.tree import Array, Bushing, Tree, compile_tree
 from armonic.description.units import number, shown, si_unit
 from armonic.description.values import Parameter, list_parameters, select, unknown_path, write
 from armonic.errors import PostureError, RobotFileError
+from armonic.writing import write_whole
 
 if TYPE_CHECKING:
     from armonic._core import Mechanism
@@ -311,7 +312,7 @@ class Robot:
         Raises:
             DataFileError: the file cannot be written.
         """
-        write_text(Path(path), self.to_yaml())
+        write_whole(path, self.to_yaml().encode())
 
 
 def _restore(text: str, path: Path | None, origin: str) -> Robot:

@@ -29,16 +29,16 @@ def demo(
     """
     from armonic import examples
     from armonic.cli.fitting import deliver, run
-    from armonic.description.document import write_text
     from armonic.files import read_frf
     from armonic.robot import load
     from armonic.updating import Measurement
+    from armonic.writing import write_whole
 
     if into.exists() and not into.is_dir():
         raise UsageError(f"--into {into}", found="a file", expected="a folder, or the name of a new one")
     into.mkdir(parents=True, exist_ok=True)
     for name in (examples.MEASURED, examples.START, examples.TRUE):
-        write_text(into / name, examples.read(name).decode())
+        write_whole(into / name, examples.read(name))
     true, measured = load(into / examples.TRUE), read_frf(into / examples.MEASURED)
     measurement = Measurement(measured, posture="milling", frame="sensor", label=examples.MEASURED)
     fit = run(load(into / examples.START), [measurement])

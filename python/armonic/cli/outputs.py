@@ -22,7 +22,10 @@ def check_output(option: str, path: Path, *, force: bool, sources: Iterable[Path
         UsageError: the folder does not exist or is closed, or something is there that must not be replaced.
     """
     where = f"{option} {path}"
-    folder = path.resolve().parent
+    try:
+        folder = path.resolve().parent
+    except (OSError, RuntimeError):
+        raise UsageError(where, found="a loop of links", expected="the name of a file") from None
     if not folder.is_dir():
         raise UsageError(where, found=f"no folder {folder}", expected="a folder that exists")
     if path.is_dir():
@@ -31,5 +34,7 @@ def check_output(option: str, path: Path, *, force: bool, sources: Iterable[Path
         raise UsageError(where, found="a file that this command already uses", expected="another name")
     if not os.access(folder, os.W_OK):
         raise UsageError(where, found="a folder without permission to write", expected="a writable folder")
+    if path.exists() and not path.is_file():
+        raise UsageError(where, found="a device or a pipe", expected="the name of a file")
     if path.exists() and not force:
         raise UsageError(where, found="a file that exists", expected="a new name", hint="Use --force to overwrite it.")

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
-import os
 import re
-import shutil
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,7 +22,7 @@ from ruamel.yaml.events import (
 )
 
 from armonic.description.units import shown
-from armonic.errors import DataFileError, RobotFileError
+from armonic.errors import RobotFileError
 
 MAX_BYTES: Final = 1 << 20
 MAX_DEPTH: Final = 16
@@ -154,32 +151,6 @@ def read_text(path: Path) -> str:
         raise RobotFileError(
             f"{origin}, line {line}", found=f"the byte 0x{content[error.start]:02x}", expected="text in UTF-8"
         ) from error
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a file in UTF-8, whole or not at all: beside its place first, then moved there.
-
-    Raises:
-        DataFileError: the path is a directory, or the file cannot be written.
-    """
-    # A symbolic link stays one; what it points to is replaced.
-    target = path.resolve()
-    if target.is_dir():
-        raise DataFileError(str(path), found="a directory", expected="the path of a file to write")
-    draft = target.with_name(f".{target.name[:80]}.{os.getpid()}.tmp")
-    try:
-        with draft.open("wb") as file:
-            file.write(text.encode("utf-8"))
-            file.flush()
-            os.fsync(file.fileno())
-        if target.exists():
-            shutil.copymode(target, draft)
-        draft.replace(target)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            draft.unlink()
-        found = f"a place that cannot be written ({error.strerror or error})"
-        raise DataFileError(str(path), found=found, expected="a folder that exists and a writable file") from error
 
 
 class _Reader:

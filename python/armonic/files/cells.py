@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import os
-import secrets
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -115,26 +112,6 @@ def read_bytes(path: str | Path) -> bytes:
     except (OSError, ValueError) as error:
         found = getattr(error, "strerror", None) or str(error)
         raise DataFileError(str(path), found=found, expected="a readable file") from error
-
-
-def write_bytes(path: str | Path, data: bytes) -> None:
-    """Write beside and rename, so that no reader ever finds half a file; a DataFileError if that fails."""
-    beside = None
-    try:
-        target = Path(path).resolve()  # a link keeps pointing to where it did
-        beside = target.with_name(f".{target.name}.{secrets.token_hex(4)}.part")
-        with beside.open("xb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        beside.replace(target)
-    except (OSError, ValueError) as error:
-        found = getattr(error, "strerror", None) or str(error)
-        raise DataFileError(str(path), found=found, expected="a place where a file can be written") from error
-    finally:
-        if beside is not None:
-            with suppress(OSError):
-                beside.unlink()  # left over only if something failed
 
 
 def _wanted(where: str, labels: str | Sequence[str] | None, found: Iterable[str]) -> tuple[str, ...]:

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from armonic.errors import DataFileError, FrfError
-from armonic.files.cells import Cell, matrix, read_bytes, remapping, write_bytes
+from armonic.files.cells import Cell, matrix, read_bytes, remapping
 from armonic.files.uff_reader import NUMBER, shown
 from armonic.response import KINDS, Frf, Kind
+from armonic.writing import write_whole
 
-_COMMENT = re.compile(r"#\s*armonic frf\b(?:.*?\bkind=(?P<kind>\w+))?(?:.*?\bframe=(?P<frame>.*\S))?")
+_COMMENT = re.compile(
+    r"#\s*armonic frf\b(?:.*?\bkind=(?P<kind>\w+))?"
+    r"(?:.*?\binput_frame=(?P<input_frame>\S+))?(?:.*?\bframe=(?P<frame>.*\S))?"
+)
 _COLUMN = re.compile(r"(?P<output>[^\s,/\"]+)/(?P<input>[^\s,/\"]+) (?P<part>re|im)")
 _HEADER = "a header such as freq_hz,x/x re,x/x im (response/force, real and imaginary part)"
 
@@ -69,7 +74,7 @@ def read_csv(
         (output, sign), (force, force_sign) = (remap.get(axis, (axis, 1)) for axis in (source, target))
         values = (table[:, parts["re"]] + 1j * table[:, parts["im"]]) * (sign * force_sign)
         cells.append(Cell(f"{path}, column {source}/{target}", output, force, table[:, 0], values))
-    return matrix(path, cells, kind, frame, outputs, inputs)
+    return replace(matrix(path, cells, kind, frame, outputs, inputs), input_frame=comment and comment["input_frame"])
 
 
 def write_csv(path: str | Path, frf: Frf) -> None:
@@ -91,11 +96,16 @@ def write_csv(path: str | Path, frf: Frf) -> None:
         raise FrfError("Frf.outputs", found=wrong[0], expected="axes without blanks, commas, slashes and quotes")
     if frf.frame is not None and (not frf.frame.isprintable() or frf.frame != frf.frame.strip()):
         raise FrfError("Frf.frame", found=repr(frf.frame), expected="a name in one line")
-    comment = f"# armonic frf kind={frf.kind}" + (f" frame={frf.frame}" if frf.frame else "")
+    comment = f"# armonic frf kind={frf.kind}"
+    if frf.input_frame not in (None, frf.frame):
+        if len(str(frf.input_frame).split()) != 1 or not str(frf.input_frame).isprintable():
+            raise FrfError("Frf.input_frame", found=repr(frf.input_frame), expected="a name without blanks")
+        comment += f" input_frame={frf.input_frame}"
+    comment += f" frame={frf.frame}" if frf.frame else ""
     parts = frf.values.reshape(frf.freq_hz.size, -1).view(np.float64)
     rows = np.column_stack([frf.freq_hz, parts]).tolist()
     table = "".join(",".join(map(repr, row)) + "\n" for row in rows)
-    write_bytes(path, f"{comment}\n{','.join(header)}\n{table}".encode())
+    write_whole(path, f"{comment}\n{','.join(header)}\n{table}".encode())
 
 
 def _text(path: str | Path) -> str:

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from armonic.errors import DataFileError, FrfError
-from armonic.files.cells import AXES, Cell, matrix, read_bytes, remapping, write_bytes
+from armonic.files.cells import AXES, Cell, matrix, read_bytes, remapping
 from armonic.files.uff_reader import Function, parse
 from armonic.files.uff_writer import encode
 from armonic.response import Frf, Kind
+from armonic.writing import write_whole
 
 _KINDS: dict[int, Kind] = {8: "receptance", 11: "mobility", 12: "accelerance"}  # by type of the response
 _TYPES = {kind: number for number, kind in _KINDS.items()}
@@ -21,6 +23,7 @@ _FORCE = 13
 _PER_TIME = {"receptance": "", "mobility": "/s", "accelerance": "/s^2"}
 _NODE_MAX = 10**10 - 1  # ten columns
 _FRAME_NOTE = "sensor frame: "
+_FORCE_NOTE = ", force at: "
 _GRAVITIES = {"g", "gn", "mg"}
 _LENGTHS = {"mm", "cm", "um", "µm", "nm", "in", "inch", "ft"}
 _FORCES = {"lbf", "lb", "kn", "mn", "dan", "kgf"}
@@ -86,8 +89,9 @@ def read_uff(
     cells.sort(key=lambda cell: (AXES.index(cell.output), AXES.index(cell.input)))
     note = functions[0].note
     if frame is None and note.startswith(_FRAME_NOTE):
-        frame = note.removeprefix(_FRAME_NOTE)
-    return matrix(path, cells, _kind(path, functions) if kind is None else kind, frame, outputs, inputs)
+        frame = note.removeprefix(_FRAME_NOTE).partition(_FORCE_NOTE)[0]
+    frf = matrix(path, cells, _kind(path, functions) if kind is None else kind, frame, outputs, inputs)
+    return replace(frf, input_frame=note.partition(_FORCE_NOTE)[2] or None)
 
 
 def write_uff(
@@ -107,37 +111,46 @@ def write_uff(
 
     Raises:
         DataFileError: the file cannot be written, or its frequencies cannot be told apart in text.
-        FrfError: an axis has no direction code, or the node no place in its columns.
+        FrfError: an axis has no direction code, the node no place in its columns, or a force elsewhere no short name.
     """
     for where, labels in (("Frf.outputs", frf.outputs), ("Frf.inputs", frf.inputs)):
         if unknown := [label for label in labels if label not in AXES]:
             raise FrfError(where, found=", ".join(unknown), expected=f"some of {', '.join(AXES)} for a universal file")
     if not 0 < node <= _NODE_MAX:
         raise FrfError("node", found=repr(node), expected=f"1 to {_NODE_MAX}")
+    note = _frame_note(frf)
     functions = [
         Function(
             freq_hz=frf.freq_hz,
             values=frf.values[:, i, j],
             response=(node, AXES.index(output) + 1),
-            reference=(node, AXES.index(force) + 1),
+            reference=(node if frf.input_frame in (None, frf.frame) else node + 1, AXES.index(force) + 1),
             response_type=_TYPES[frf.kind],
             reference_type=_FORCE,
             response_unit=("rad" if output in AXES[3:] else "m") + _PER_TIME[frf.kind],
             reference_unit="N m" if force in AXES[3:] else "N",
             title=f"{name} {output}/{force}",
-            note=_frame_note(frf.frame),
+            note=note,
         )
         for i, output in enumerate(frf.outputs)
         for j, force in enumerate(frf.inputs)
     ]
-    write_bytes(path, encode(functions, binary=binary, title=name))
+    write_whole(path, encode(functions, binary=binary, title=name))
 
 
-def _frame_note(frame: str | None) -> str:
-    """An ID line that names the frame, or nothing where the name would not come back whole."""
-    note = f"{_FRAME_NOTE}{frame}"
-    whole = note.isascii() and note == " ".join(note.split()) and len(note) <= 80
-    return note if frame and whole else ""
+def _frame_note(frf: Frf) -> str:
+    """An ID line that names the frames, or nothing where the sensor's name alone would not come back whole.
+
+    Raises:
+        FrfError: the force acted elsewhere, and the line cannot say where.
+    """
+    elsewhere = frf.input_frame not in (None, frf.frame)
+    note = f"{_FRAME_NOTE}{frf.frame}" + (f"{_FORCE_NOTE}{frf.input_frame}" if elsewhere else "")
+    whole = bool(frf.frame) and note.isascii() and note == " ".join(note.split()) and len(note) <= 80
+    if elsewhere and not whole:
+        expected = "names of both frames, in ASCII and together below 60 characters"
+        raise FrfError("Frf.input_frame", found=f"{frf.frame!r} and {frf.input_frame!r}", expected=expected)
+    return note if whole else ""
 
 
 def _at_node(

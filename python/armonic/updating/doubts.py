@@ -28,8 +28,10 @@ NOISELESS = 1e-6
 
 def doubts(
     measurements: Sequence[Measurement], models: Sequence[Frf], weights: Sequence[Array], noise: float
-) -> tuple[str, ...]:
-    """Full sentences, most serious first; empty where the residual looks as the intervals assume.
+) -> tuple[tuple[str, ...], bool]:
+    """What to doubt, in full sentences, and whether the model explains the data at all.
+
+    There is nothing to doubt where the residual looks as the intervals assume.
 
     Args:
         measurements: what was fitted.
@@ -51,11 +53,11 @@ def doubts(
             f"The model does not explain these data: where they are strong they differ by about {100 * strong:.0f} %, "
             "and verdicts and intervals mean little. Check posture, frame, axes, kind and units of the measurement, "
             "and the start.",
-        )
+        ), False
     if third < FEWEST or noise < NOISELESS or weak <= FLOOR_RATIO * strong:
-        return ()
+        return (), True
     return (
         f"Weak responses deviate {weak / strong:.0f} times more than strong ones, as under a constant noise floor. "
         "The intervals assume noise in proportion and are too narrow here: leave out what the floor hides, by weights "
         "or by a band.",
-    )
+    ), True

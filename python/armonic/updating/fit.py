@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from time import perf_counter
 from typing import TYPE_CHECKING, TypeAlias
@@ -44,7 +44,8 @@ class Fit:
 
     Attributes:
         start: the description before.
-        parameters: value, bounds, 95 % interval and verdict of each fitted parameter.
+        parameters: value, bounds, 95 % interval and verdict of each fitted parameter; none is called identified by data
+            that the model does not explain.
         cost: weighted sum of squared log differences at the end (Huynh et al. 2021, Eq. 22).
         start_cost: the same before.
         cost_history: best cost after each evaluation, (E,).
@@ -129,8 +130,10 @@ def update(
     """
     begin = perf_counter()
     measurements = (measurements,) if isinstance(measurements, Measurement) else tuple(measurements)
-    if not measurements:
-        raise UpdateError("measurements", found="none", expected="at least one")
+    strange = [m for m in measurements if not isinstance(m, Measurement)]
+    if strange or not measurements:
+        found = f"a {type(strange[0]).__name__}" if strange else "none"
+        raise UpdateError("measurements", found=found, expected="at least one Measurement(frf, posture=..., frame=...)")
     if not SMALLEST_TOLERANCE <= tolerance < 1:
         raise UpdateError("tolerance", found=f"{tolerance}", expected=f"a number from {SMALLEST_TOLERANCE:.1e} to 1")
     if not max_evaluations >= 1:
@@ -164,6 +167,9 @@ def update(
     order = sorted(first.values())
     modes_before, modes_after = (tuple(modes(side[i]) for i in order) for side in (models, after))
     frf_after = tuple(_like(m, model) for m, model in zip(measurements, after, strict=True))
+    doubtful, explained = doubts(measurements, frf_after, weights, noise)
+    if not explained:
+        fitted = tuple(replace(p, verdict="weak") if p.verdict == "identified" else p for p in fitted)
     return Fit(
         start=robot,
         parameters=fitted,
@@ -174,7 +180,7 @@ def update(
         noise=noise,
         status=run.status,
         message=run.message,
-        doubts=doubts(measurements, frf_after, weights, noise),
+        doubts=doubtful,
         measurements=measurements,
         postures=tuple(models[i].posture for i in order),
         before=modes_before,
@@ -241,7 +247,12 @@ def _problem(
         core = system(model, m.frame, m.frf.outputs, m.frf.inputs, input_frame=m.frf.input_frame)
         targets.append((core, points[kept], values, weight[kept]))
         told.append(price[kept])
-    return _core.Problem(targets, prices=told)
+    try:
+        return _core.Problem(targets, prices=told)
+    except ValueError as error:
+        raise UpdateError(
+            "measurements", found=str(error), expected="responses of ordinary size, in SI units"
+        ) from None
 
 
 def _judged(

@@ -108,7 +108,7 @@ def _checked(path: str, pair: Sequence[float], of_file: tuple[float, float] | No
         lower, upper = (float(v) for v in pair)
     except (TypeError, ValueError):
         lower, upper = np.nan, np.nan
-    if not 0 < lower < upper < np.inf:
+    if not 0 < lower < upper < np.inf or np.log(lower) == np.log(upper):
         raise UpdateError(f"bounds of {path}", found=repr(pair), expected="two positive numbers, low < high")
     if of_file is not None and not of_file[0] <= lower < upper <= of_file[1]:
         raise UpdateError(

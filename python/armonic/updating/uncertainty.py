@@ -79,6 +79,8 @@ def judge(
     spread = _standard_deviations(weighted[:, :-1], squared[:, :-1])
     # Without any noise, too, what the data do not see stays open: infinity times more than zero.
     reach = spread * max(noise, np.finfo(float).tiny) * float(stdtrit(max(freedom, 1), 0.975))
+    if freedom < 1:  # as many parameters as data: no residual is left to tell the noise
+        reach = np.full(len(values), np.inf)
 
     def one(i: int) -> FittedParameter:
         p, value, half = parameters[i], float(values[i]), float(reach[i])
