@@ -363,3 +363,9 @@ def test_modes_say_the_posture_they_belong_to():
     two = am.Robot.from_yaml(am.load("huynh_3r").to_yaml().rstrip() + "\n  home: [0, 0, 0]\n")
     with pytest.raises(am.PostureError, match="one of milling, home"):
         am.modes(two)
+
+
+def test_masses_many_orders_off_are_refused_and_overflow_nothing():
+    light = slides([1e-300], [spring(1e6, 1e3)])
+    with pytest.raises(am.ModelError, match=r"rate of .*many orders off"):
+        am.modes(light)

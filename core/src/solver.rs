@@ -98,9 +98,7 @@ impl<'a, S: Simd> Solver<'a, S> {
         let (p, m) = system.shape();
         let zero = Complex::zero(simd);
         let mirrored = system.mirrored();
-        let mut scale: Vec<_> = (0..n)
-            .map(|i| [&system.stiffness, &system.damping, &system.mass].map(|a| size_of_row(a, n, i)))
-            .collect();
+        let mut scale = system.sizes.clone();
         for (direction, impedance) in system.directions.iter().zip(impedances) {
             for (i, scale) in scale.iter_mut().enumerate() {
                 let b = match direction {
@@ -266,16 +264,6 @@ fn project_on<S: Simd>(simd: S, directions: &[Direction], x: &Columns<S>, out: &
             };
         }
     }
-}
-
-/// Size of what stands in row i of a symmetric matrix, in the units of its diagonal: the diagonal entry, or what
-/// eliminating another row puts there.
-fn size_of_row(matrix: &[f64], n: usize, i: usize) -> f64 {
-    let beside = (0..n).filter(|&j| j != i && matrix[i * n + j] != 0.0).map(|j| {
-        let (entry, other) = (matrix[i * n + j].abs(), matrix[j * n + j].abs());
-        if other > 0.0 { entry * (entry / other) } else { entry }
-    });
-    beside.fold(matrix[i * n + i].abs(), f64::max)
 }
 
 /// Solves Z x = b for every row b of `rights`; `None` where Z is singular to rounding.

@@ -17,6 +17,8 @@ pub struct LinearSystem {
     /// Rows of the output and input Jacobians; one shared list where `same`.
     pub(crate) outputs: Vec<f64>,
     pub(crate) inputs: Vec<f64>,
+    /// Per coordinate, size of what stands in its row of K, C and M.
+    pub(crate) sizes: Vec<[f64; 3]>,
     pub(crate) symmetric: bool,
     pub(crate) same: bool,
 }
@@ -59,7 +61,8 @@ impl LinearSystem {
         }
         let symmetric = [&mass, &damping, &stiffness].into_iter().all(|matrix| is_symmetric(matrix, n));
         let same = outputs == inputs;
-        Ok(Self { n, mass, damping, stiffness, directions, outputs, inputs, symmetric, same })
+        let sizes = (0..n).map(|i| [&stiffness, &damping, &mass].map(|a| size_of_row(a, n, i))).collect();
+        Ok(Self { n, mass, damping, stiffness, directions, outputs, inputs, sizes, symmetric, same })
     }
 
     /// Number of impedances.
@@ -114,4 +117,14 @@ impl LinearSystem {
 fn is_symmetric(matrix: &[f64], n: usize) -> bool {
     let scale = matrix.iter().fold(0.0_f64, |a, v| a.max(v.abs()));
     (0..n).all(|i| (0..i).all(|j| (matrix[i * n + j] - matrix[j * n + i]).abs() <= 1e-13 * scale))
+}
+
+/// Size of what stands in row i of a symmetric matrix, in the units of its diagonal: the diagonal entry, or what
+/// eliminating another row puts there.
+fn size_of_row(matrix: &[f64], n: usize, i: usize) -> f64 {
+    let beside = (0..n).filter(|&j| j != i && matrix[i * n + j] != 0.0).map(|j| {
+        let (entry, other) = (matrix[i * n + j].abs(), matrix[j * n + j].abs());
+        if other > 0.0 { entry * (entry / other) } else { entry }
+    });
+    beside.fold(matrix[i * n + i].abs(), f64::max)
 }

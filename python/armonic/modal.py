@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
-from armonic.errors import FrfError
+from armonic.errors import FrfError, ModelError
 from armonic.linear import Equilibrium, LinearModel, model_of
 
 if TYPE_CHECKING:
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 Stability = Literal["asymptotically stable", "marginal", "unstable"]
 
+FASTEST = 1e30
+"""Rates beyond this are mistakes in the robot file, and their squares would overflow."""
 STABILITY_TOLERANCE = 1e-9
 """Real parts below this share of the largest pole count as zero: eigenvalues are not known better."""
 
@@ -115,6 +117,13 @@ def modes(
     left = np.asarray(np.linalg.inv(model.mass_factor), np.float64)
     stiffness, damping = left @ model.stiffness @ left.T, left @ model.damping @ left.T
     rate = max(float(np.sqrt(np.linalg.norm(stiffness, 2))), float(np.linalg.norm(damping, 2))) or 1.0
+    if not rate < FASTEST:
+        raise ModelError(
+            f"{model.robot.name}, posture {model.posture}",
+            found=f"a rate of {rate:.3g} rad/s",
+            expected=f"poles below {FASTEST:g} rad/s",
+            hint="Check masses, inertia, stiffness and damping: some are many orders off.",
+        )
     # Rounding errors of the mass-normalized stiffness, and of squares of its eigenvalues, stay below this.
     terms = float(np.linalg.norm(abs(left) @ abs(model.stiffness) @ abs(left.T), 2))
     noise = 16 * n * float(np.finfo(float).eps) * (rate**2 + terms)
