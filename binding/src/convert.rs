@@ -3,6 +3,7 @@
 use armonic_core::Error;
 use armonic_core::spatial::Transform;
 use nalgebra::{Matrix3, Vector3};
+use numpy::ndarray;
 use numpy::{PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods, ToPyArray};
 use pyo3::exceptions::{PyArithmeticError, PyValueError};
 use pyo3::prelude::*;
@@ -68,6 +69,18 @@ pub fn array<'py, T: numpy::Element>(
     shape: &[usize],
 ) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
     numpy::PyArray1::from_vec(py, values).reshape(shape.to_vec())
+}
+
+/// Row-major numbers of the given shape as a NumPy array with its axes in another order, without copying.
+pub fn permuted<'py, T: numpy::Element>(
+    py: Python<'py>,
+    values: Vec<T>,
+    shape: &[usize],
+    order: &[usize],
+) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
+    let by_rows =
+        ndarray::Array::from_shape_vec(shape, values).map_err(|e| PyValueError::new_err(e.to_string()))?;
+    Ok(PyArrayDyn::from_owned_array(py, by_rows.permuted_axes(order)))
 }
 
 /// A small vector as a NumPy array.

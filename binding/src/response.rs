@@ -1,11 +1,11 @@
 //! Linear systems and their frequency responses.
 
-use crate::convert::{array, numbers, raise};
+use crate::convert::{numbers, permuted, raise};
 use armonic_core::frf;
 use armonic_core::impedance::{Direction, SpringDamper};
 use armonic_core::system;
 use nalgebra::Complex;
-use numpy::{PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use numpy::{PyArrayDyn, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -99,12 +99,9 @@ pub fn responses<'py>(
     let parameters = SpringDamper::PARAMETERS * systems[0].branches();
     let cases = systems.len().max(impedances.len());
     let out = py.detach(|| frf::responses(&systems, &impedances, &s, sensitivities)).map_err(raise)?;
-    let values = array(py, out.values, &[cases, p, m, s.len()])?.permute(Some(vec![0, 3, 1, 2]))?;
+    let values = permuted(py, out.values, &[cases, p, m, s.len()], &[0, 3, 1, 2])?;
     let slopes = match sensitivities {
-        true => Some(
-            array(py, out.sensitivities, &[cases, parameters, p, m, s.len()])?
-                .permute(Some(vec![0, 4, 2, 3, 1]))?,
-        ),
+        true => Some(permuted(py, out.sensitivities, &[cases, parameters, p, m, s.len()], &[0, 4, 2, 3, 1])?),
         false => None,
     };
     Ok((values, slopes))
