@@ -117,16 +117,13 @@ impl WithSimd for OneCase<'_> {
         for group in 0..groups {
             let start = start_of(group);
             points[group] = load(simd, self.s, start);
-            solver.solve(simd, points[group], start, want)?;
+            solver.solve(simd, points[group], start, false)?;
             for (&value, place) in solver.h.iter().zip(self.values.chunks_exact_mut(count)) {
                 store(simd, value, &mut place[start..]);
             }
-            for (from, to) in
-                [(solver.at_outputs(), &mut at_outputs), (&solver.at_inputs[..], &mut at_inputs)]
-            {
-                for (&value, stream) in from.iter().zip(to.chunks_exact_mut(groups)) {
-                    stream[group] = value;
-                }
+            if want {
+                solver.each_input(simd, |entry, value| at_inputs[entry * groups + group] = value);
+                solver.each_output(simd, |entry, value| at_outputs[entry * groups + group] = value);
             }
         }
         if !want {

@@ -234,11 +234,25 @@ impl<'a, S: Simd> Solver<'a, S> {
             }
         }
         if branches {
-            let directions = &self.system.directions;
-            project_on(simd, directions, &self.x, &mut self.at_inputs);
-            if let Some(y) = &self.y {
-                project_on(simd, directions, y, &mut self.at_outputs);
-            }
+            let (mut at_inputs, mut at_outputs) =
+                (std::mem::take(&mut self.at_inputs), std::mem::take(&mut self.at_outputs));
+            self.each_input(simd, |entry, value| at_inputs[entry] = value);
+            self.each_output(simd, |entry, value| at_outputs[entry] = value);
+            (self.at_inputs, self.at_outputs) = (at_inputs, at_outputs);
+        }
+    }
+
+    /// Hands every b_rᵀ X_b to `put` with its place in r×m.
+    #[inline(always)]
+    pub(crate) fn each_input(&self, simd: S, put: impl FnMut(usize, Complex<S>)) {
+        project_on(simd, &self.system.directions, &self.x, self.system.shape().1, put);
+    }
+
+    /// Hands every b_rᵀ Y_a to `put` with its place in r×p; none where X serves as Y.
+    #[inline(always)]
+    pub(crate) fn each_output(&self, simd: S, put: impl FnMut(usize, Complex<S>)) {
+        if let Some(y) = &self.y {
+            project_on(simd, &self.system.directions, y, self.system.shape().0, put);
         }
     }
 
@@ -249,19 +263,22 @@ impl<'a, S: Simd> Solver<'a, S> {
     }
 }
 
-/// Components of every solution along every direction.
+/// Components of every one of `count` solutions along every direction.
 #[inline(always)]
-fn project_on<S: Simd>(simd: S, directions: &[Direction], x: &Columns<S>, out: &mut [Complex<S>]) {
-    if directions.is_empty() {
-        return;
-    }
-    let count = out.len() / directions.len();
-    for (direction, places) in directions.iter().zip(out.chunks_exact_mut(count)) {
-        for (column, place) in places.iter_mut().enumerate() {
-            *place = match direction {
+fn project_on<S: Simd>(
+    simd: S,
+    directions: &[Direction],
+    x: &Columns<S>,
+    count: usize,
+    mut put: impl FnMut(usize, Complex<S>),
+) {
+    for (branch, direction) in directions.iter().enumerate() {
+        for column in 0..count {
+            let value = match direction {
                 Direction::Coordinate(i) => x.at(*i, column),
                 Direction::Dense(b) => x.dot(simd, b, column),
             };
+            put(branch * count + column, value);
         }
     }
 }
