@@ -40,21 +40,17 @@ def test_a_unit_follows_the_value() -> None:
 
 
 @pytest.mark.parametrize(
-    ("low", "high", "bounds", "words"),
+    ("low", "high", "words"),
     [
-        (5e6, 6e6, None, "5.000e6 … 6.000e6"),
-        (0.0, INF, None, "open"),
-        (0.0, 3.0, None, "open … 3.000"),
-        (1.0, INF, None, "1.000 … open"),
-        (1.0, 5.0, (2.0, 6.0), "open … 5.000"),
-        (2.0, 6.5, (2.0, 6.0), "2.000 … open"),
-        (NAN, NAN, None, "open"),
+        (5e6, 6e6, "5.000e6 … 6.000e6"),
+        (0.0, INF, "open"),
+        (0.0, 3.0, "open … 3.000"),
+        (1.0, INF, "1.000 … open"),
+        (NAN, NAN, "open"),
     ],
 )
-def test_an_interval_is_open_where_the_data_give_no_end(
-    low: float, high: float, bounds: tuple[float, float] | None, words: str
-) -> None:
-    assert text.format_interval(low, high, bounds) == words
+def test_an_interval_is_open_where_the_data_give_no_end(low: float, high: float, words: str) -> None:
+    assert text.format_interval(low, high) == words
 
 
 @pytest.mark.parametrize(

@@ -44,18 +44,16 @@ def _figures(value: float, digits: int) -> str:
     return f"{float(mantissa) * 10 ** (exponent - third):.{max(digits - 1 - exponent + third, 0)}f}e{third}"
 
 
-def format_interval(low: float, high: float, bounds: tuple[float, float] | None = None) -> str:
+def format_interval(low: float, high: float) -> str:
     """An interval as "lo … hi" to 4 significant digits; "open" stands where the data give no end.
 
     Args:
         low: lower end of a positive quantity; zero, minus infinity or NaN is open.
         high: upper end; infinity or NaN is open.
-        bounds: an end beyond them is open too, for then they and not the data limit the parameter.
 
     """
-    floor, ceiling = bounds if bounds is not None else (0.0, math.inf)
-    left = format_si(low) if math.isfinite(low) and low > 0 and low >= floor else "open"
-    right = format_si(high) if math.isfinite(high) and high <= ceiling else "open"
+    left = format_si(low) if math.isfinite(low) and low > 0 else "open"
+    right = format_si(high) if math.isfinite(high) else "open"
     return "open" if left == right == "open" else f"{left} … {right}"
 
 
