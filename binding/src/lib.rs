@@ -3,6 +3,7 @@
 mod convert;
 mod fit;
 mod mechanism;
+mod modes;
 mod response;
 
 use pyo3::prelude::*;
@@ -14,6 +15,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<mechanism::Bushing>()?;
     module.add_class::<response::LinearSystem>()?;
     module.add_class::<fit::Problem>()?;
+    module.add_function(wrap_pyfunction!(modes::follow, module)?)?;
     module.add_function(wrap_pyfunction!(response::responses, module)?)?;
     Ok(())
 }

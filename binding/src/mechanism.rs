@@ -3,7 +3,7 @@
 use crate::convert::{array, homogeneous, numbers, raise, transform, vector};
 use armonic_core::bushing;
 use armonic_core::dynamics::{self, FrameWrench, Workspace};
-use armonic_core::linearize::{OperatingPoint, Tangent, linearize};
+use armonic_core::linearize::{OperatingPoint, Tangent, at_rest, linearize};
 use armonic_core::mechanism::{self, Frame, Motion, Node};
 use armonic_core::spatial::Inertia;
 use nalgebra::{DMatrix, Matrix3, Matrix6, Unit, Vector3};
@@ -301,6 +301,32 @@ impl Mechanism {
             out.copy_from_slice(qdd.as_slice());
             Ok(())
         })
+    }
+
+    /// Mass and tangent stiffness at rest, each (P, n, n), on the calling thread.
+    #[pyo3(signature = (q, *, wrenches = None))]
+    fn at_rest<'py>(
+        &self,
+        py: Python<'py>,
+        q: Array<'py>,
+        wrenches: Option<Vec<WrenchArgument>>,
+    ) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, Bound<'py, PyArrayDyn<f64>>)> {
+        let n = self.inner.n();
+        let rows = numbers("q", &q, &[None, Some(n)])?;
+        let wrenches = self::wrenches(wrenches);
+        let count = q.shape()[0];
+        let (mut mass, mut stiffness) = (vec![0.0; count * n * n], vec![0.0; count * n * n]);
+        py.detach(|| {
+            let ws = &mut Workspace::new(&self.inner);
+            let matrices =
+                mass.chunks_exact_mut((n * n).max(1)).zip(stiffness.chunks_exact_mut((n * n).max(1)));
+            matrices.enumerate().try_for_each(|(case, (mass, stiffness))| {
+                at_rest(&self.inner, ws, self.slice(&rows, case), &wrenches, mass, stiffness)
+            })
+        })
+        .map_err(raise)?;
+        let shape = [count, n, n];
+        Ok((array(py, mass, &shape)?, array(py, stiffness, &shape)?))
     }
 
     /// Mass, tangent damping and tangent stiffness stacked: (3, n, n) or (P, 3, n, n).

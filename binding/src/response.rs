@@ -2,7 +2,7 @@
 
 use crate::convert::{numbers, permuted, raise};
 use armonic_core::frf;
-use armonic_core::impedance::{Direction, SpringDamper};
+use armonic_core::impedance::{Direction, Drive, DriveNumbers, SpringDamper};
 use armonic_core::system;
 use nalgebra::Complex;
 use numpy::{PyArrayDyn, PyReadonlyArrayDyn, PyUntypedArrayMethods};
@@ -22,7 +22,8 @@ pub struct LinearSystem {
 impl LinearSystem {
     /// A direction with a single entry of one is an impedance on that coordinate.
     #[new]
-    #[pyo3(signature = (*, mass, damping, stiffness, directions, outputs, inputs))]
+    #[pyo3(signature = (*, mass, damping, stiffness, directions, outputs, inputs, drives = None, drive_coordinates = None))]
+    #[allow(clippy::too_many_arguments)] // keywords of Python
     fn new(
         mass: Array<'_>,
         damping: Array<'_>,
@@ -30,6 +31,8 @@ impl LinearSystem {
         directions: Array<'_>,
         outputs: Array<'_>,
         inputs: Array<'_>,
+        drives: Option<Array<'_>>,
+        drive_coordinates: Option<Vec<usize>>,
     ) -> PyResult<Self> {
         let n = mass.shape().first().copied().unwrap_or(0);
         let square = [Some(n), Some(n)];
@@ -43,9 +46,39 @@ impl LinearSystem {
         let directions = directions.chunks_exact(n.max(1)).map(direction).collect();
         let outputs = numbers("outputs", &outputs, &rows)?;
         let inputs = numbers("inputs", &inputs, &rows)?;
-        let inner = system::LinearSystem::new(n, matrices, directions, outputs, inputs).map_err(raise)?;
+        let drives = match &drives {
+            Some(drives) => numbers("drives", drives, &[None, Some(DRIVE_NUMBERS)])?,
+            None => Vec::new(),
+        };
+        let drives = drives.chunks_exact(DRIVE_NUMBERS).map(drive).collect::<PyResult<Vec<_>>>()?;
+        let places = drive_coordinates.unwrap_or_default();
+        if places.len() != drives.len() {
+            return Err(PyValueError::new_err("drive_coordinates: expected one per drive"));
+        }
+        let drives = places.into_iter().zip(drives).collect();
+        let inner = system::LinearSystem::new(n, matrices, directions, outputs, inputs)
+            .and_then(|system| system.with_drives(drives))
+            .map_err(raise)?;
         Ok(Self { inner })
     }
+}
+
+/// Numbers of one drive: w, k, B, D_m + K_D, k + K_P, K_I, then the gains on its coordinate: of position, velocity and
+/// integral.
+pub const DRIVE_NUMBERS: usize = 9;
+
+/// A drive from its row of numbers.
+pub fn drive(row: &[f64]) -> PyResult<Drive> {
+    let numbers = DriveNumbers {
+        scale: row[0],
+        shaft: row[1],
+        inertia: row[2],
+        damping: row[3],
+        stiffness: row[4],
+        integral: row[5],
+        link: [row[6], row[7], row[8]],
+    };
+    Drive::new(&numbers).map_err(raise)
 }
 
 fn direction(row: &[f64]) -> Direction {

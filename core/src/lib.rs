@@ -7,12 +7,14 @@
 pub mod bushing;
 mod columns;
 pub mod dynamics;
+pub mod eigenpairs;
 pub mod error;
 pub mod frf;
 pub mod impedance;
 pub mod lanes;
 pub mod linearize;
 pub mod mechanism;
+pub mod modes;
 pub mod residual;
 mod solver;
 pub mod spatial;

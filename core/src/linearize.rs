@@ -103,20 +103,66 @@ pub fn linearize(
         }
     }
     for wrench in point.wrenches {
-        subtract_wrench_stiffness(mechanism, ws, wrench, &mut out.stiffness)?;
+        wrench_stiffness(mechanism, ws, wrench, |c, k, change| out.stiffness[(c, k)] -= change)?;
     }
     Ok(())
 }
 
-/// Adds −∂(Jᵀ w)/∂q for a wrench fixed in world axes (Do et al. 2022, Eq. 12).
+/// M and K of a robot at rest, by rows (n×n each): what [`linearize`] gives without velocity and acceleration, at a
+/// fraction of its cost.
+///
+/// Gravity is conservative, so K_ck = p_c · (a_k × g) for k before c, with p_c the momentum of what axis c carries and a_k
+/// the direction of axis k (Do et al. 2022, Eq. 12).
+///
+/// # Errors
+/// Wrong length or number in an argument, unknown frame.
+pub fn at_rest(
+    mechanism: &Mechanism,
+    ws: &mut Workspace,
+    q: &[f64],
+    wrenches: &[FrameWrench],
+    mass: &mut [f64],
+    stiffness: &mut [f64],
+) -> Result<()> {
+    mechanism.check("q", q)?;
+    let n = mechanism.n();
+    ws.place(mechanism, q);
+    for (i, node) in mechanism.nodes().iter().enumerate() {
+        ws.inertia[i] = node.inertia.moved(&ws.pose[i]);
+    }
+    mass.fill(0.0);
+    stiffness.fill(0.0);
+    for (i, node) in mechanism.nodes().iter().enumerate().rev() {
+        if let Some(c) = mechanism.coordinate_of(i) {
+            let momentum = ws.inertia[i].momentum(&ws.axis[c]);
+            // Where momentum and gravity meet: p · (a × g) = a · (g × p).
+            let heavy = mechanism.gravity().cross(&linear(&momentum));
+            for &k in mechanism.support(Some(i)) {
+                let (inertia, weight) = (ws.axis[k].dot(&momentum), angular(&ws.axis[k]).dot(&heavy));
+                (mass[k * n + c], mass[c * n + k]) = (inertia, inertia);
+                (stiffness[k * n + c], stiffness[c * n + k]) = (weight, weight);
+            }
+        }
+        if let Some(parent) = node.parent {
+            let child = ws.inertia[i];
+            ws.inertia[parent].add(&child);
+        }
+    }
+    for wrench in wrenches {
+        wrench_stiffness(mechanism, ws, wrench, |c, k, change| stiffness[c * n + k] -= change)?;
+    }
+    Ok(())
+}
+
+/// Hands over ∂(Jᵀ w)_c/∂q_k for a wrench fixed in world axes (Do et al. 2022, Eq. 12).
 ///
 /// The force's line of action moves with the frame and the moment arm with it; a force alone keeps K symmetric, a
 /// moment does not (it is not conservative).
-fn subtract_wrench_stiffness(
+fn wrench_stiffness(
     mechanism: &Mechanism,
     ws: &Workspace,
     wrench: &FrameWrench,
-    stiffness: &mut DMatrix<f64>,
+    mut put: impl FnMut(usize, usize, f64),
 ) -> Result<()> {
     finite("wrench", wrench.force.iter().chain(wrench.moment.iter()).copied())?;
     let point = ws.frame_pose(mechanism, wrench.frame)?.translation;
@@ -130,7 +176,7 @@ fn subtract_wrench_stiffness(
             if later > position {
                 change += cross_twist(&ws.axis[k], &ws.axis[c]).dot(&about_origin);
             }
-            stiffness[(c, k)] -= change;
+            put(c, k, change);
         }
     }
     Ok(())

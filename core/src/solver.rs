@@ -179,6 +179,11 @@ impl<'a, S: Simd> Solver<'a, S> {
                 };
             }
         }
+        for (i, drive) in &self.system.drives {
+            let entry = &mut self.z[row(*i) + i];
+            let gain = Real::splat(simd, -drive.gain);
+            *entry = entry.add_scaled(simd, gain, drive.turn_lanes(simd, s).0);
+        }
         for (direction, impedance) in self.system.directions.iter().zip(self.impedances) {
             let value = impedance.value(simd, s);
             match direction {

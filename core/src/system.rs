@@ -1,6 +1,6 @@
 //! The matrices of one posture, where it is hit and where it is watched: all of H(s) that impedances leave alone.
 
-use crate::impedance::{Direction, SpringDamper};
+use crate::impedance::{Direction, Drive, SpringDamper};
 use crate::mechanism::finite;
 use crate::{Error, Result};
 use nalgebra::Complex as C64;
@@ -14,6 +14,8 @@ pub struct LinearSystem {
     pub(crate) damping: Vec<f64>,
     pub(crate) stiffness: Vec<f64>,
     pub(crate) directions: Vec<Direction>,
+    /// Drives by coordinate; the springs of their shafts stand in `stiffness`.
+    pub(crate) drives: Vec<(usize, Drive)>,
     /// Rows of the output and input Jacobians; one shared list where `same`.
     pub(crate) outputs: Vec<f64>,
     pub(crate) inputs: Vec<f64>,
@@ -62,7 +64,19 @@ impl LinearSystem {
         let symmetric = [&mass, &damping, &stiffness].into_iter().all(|matrix| is_symmetric(matrix, n));
         let same = outputs == inputs;
         let sizes = (0..n).map(|i| [&stiffness, &damping, &mass].map(|a| size_of_row(a, n, i))).collect();
-        Ok(Self { n, mass, damping, stiffness, directions, outputs, inputs, sizes, symmetric, same })
+        let drives = Vec::new();
+        Ok(Self { n, mass, damping, stiffness, directions, drives, outputs, inputs, sizes, symmetric, same })
+    }
+
+    /// The same system with drives on coordinates of its own, the springs w²k of their shafts being in the stiffness.
+    ///
+    /// # Errors
+    /// [`Error::Index`] for a drive on a missing coordinate.
+    pub fn with_drives(self, drives: Vec<(usize, Drive)>) -> Result<Self> {
+        match drives.iter().find(|(i, _)| *i >= self.n) {
+            Some(&(got, _)) => Err(Error::Index { what: "coordinate of a drive", count: self.n, got }),
+            None => Ok(Self { drives, ..self }),
+        }
     }
 
     /// Number of impedances.
@@ -96,6 +110,9 @@ impl LinearSystem {
         let mut z: Vec<_> = (0..self.n * self.n)
             .map(|i| s * s * self.mass[i] + s * self.damping[i] + self.stiffness[i])
             .collect();
+        for (i, drive) in &self.drives {
+            z[i * self.n + i] -= drive.turn(s) * drive.gain;
+        }
         for (direction, impedance) in self.directions.iter().zip(impedances) {
             let value = s * impedance.damping + impedance.stiffness;
             match direction {

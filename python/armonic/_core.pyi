@@ -11,7 +11,7 @@ from typing import TypeAlias, final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Bushing", "LinearSystem", "Mechanism", "Problem", "responses"]
+__all__ = ["Bushing", "LinearSystem", "Mechanism", "Problem", "follow", "responses"]
 
 _Real: TypeAlias = NDArray[np.float64]
 _Complex: TypeAlias = NDArray[np.complex128]
@@ -43,6 +43,7 @@ class Mechanism:
     def bias(self, q: _Real, qd: _Real) -> _Real: ...
     def inverse_dynamics(self, q: _Real, qd: _Real, qdd: _Real, *, wrenches: _Wrenches = None) -> _Real: ...
     def forward_dynamics(self, q: _Real, qd: _Real, tau: _Real, *, wrenches: _Wrenches = None) -> _Real: ...
+    def at_rest(self, q: _Real, *, wrenches: _Wrenches = None) -> tuple[_Real, _Real]: ...
     def linearize(
         self,
         q: _Real,
@@ -64,7 +65,16 @@ class Bushing:
 @final
 class LinearSystem:
     def __new__(
-        cls, *, mass: _Real, damping: _Real, stiffness: _Real, directions: _Real, outputs: _Real, inputs: _Real
+        cls,
+        *,
+        mass: _Real,
+        damping: _Real,
+        stiffness: _Real,
+        directions: _Real,
+        outputs: _Real,
+        inputs: _Real,
+        drives: _Real | None = None,
+        drive_coordinates: Sequence[int] | None = None,
     ) -> LinearSystem: ...
 
 @final
@@ -76,6 +86,17 @@ class Problem:
     def reduce(self, stiffness: _Real, damping: _Real, free: Sequence[int]) -> _Real: ...
     def costs(self, stiffness: _Real, damping: _Real) -> _Real: ...
 
+def follow(
+    mass: _Real,
+    damping: _Real,
+    stiffness: _Real,
+    drives: _Real,
+    drive_coordinates: Sequence[int],
+    poles: _Complex,
+    shapes: _Complex,
+    *,
+    want_shapes: bool = False,
+) -> tuple[_Complex, _Complex | None, _Real, _Real]: ...
 def responses(
     systems: Sequence[LinearSystem], stiffness: _Real, damping: _Real, s: _Complex, *, sensitivities: bool = False
 ) -> tuple[_Complex, _Complex | None]: ...
