@@ -310,7 +310,7 @@ impl Mechanism {
         py: Python<'py>,
         q: Array<'py>,
         wrenches: Option<Vec<WrenchArgument>>,
-    ) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, Bound<'py, PyArrayDyn<f64>>)> {
+    ) -> PyResult<[Bound<'py, PyArrayDyn<f64>>; 2]> {
         let n = self.inner.n();
         let rows = numbers("q", &q, &[None, Some(n)])?;
         let wrenches = self::wrenches(wrenches);
@@ -326,7 +326,7 @@ impl Mechanism {
         })
         .map_err(raise)?;
         let shape = [count, n, n];
-        Ok((array(py, mass, &shape)?, array(py, stiffness, &shape)?))
+        Ok([array(py, mass, &shape)?, array(py, stiffness, &shape)?])
     }
 
     /// Mass, tangent damping and tangent stiffness stacked: (3, n, n) or (P, 3, n, n).

@@ -11,12 +11,13 @@ use pyo3::prelude::*;
 type Array<'py> = PyReadonlyArrayDyn<'py, f64>;
 type ComplexArray<'py> = PyReadonlyArrayDyn<'py, Complex<f64>>;
 type Out<'py, T> = Bound<'py, PyArrayDyn<T>>;
-/// Poles (P, m), shapes (P, m, n + d) or None, residuals (P,), likeness (P, m).
-type Followed<'py> = (Out<'py, Complex<f64>>, Option<Out<'py, Complex<f64>>>, Out<'py, f64>, Out<'py, f64>);
+/// Poles (P, m), shapes (P, m, n + d), energy shares (P, m, n), residuals (P,), likeness (P, m).
+type Followed<'py> =
+    (Out<'py, Complex<f64>>, Out<'py, Complex<f64>>, Out<'py, f32>, Out<'py, f64>, Out<'py, f64>);
 
 /// Modes of the first system followed through the others, as far as they can be; see `armonic_core::modes::follow`.
 #[pyfunction]
-#[pyo3(signature = (mass, damping, stiffness, drives, drive_coordinates, poles, shapes, *, want_shapes = false))]
+#[pyo3(signature = (mass, damping, stiffness, drives, drive_coordinates, springs, poles, shapes))]
 #[allow(clippy::too_many_arguments)] // arrays of one walk
 pub fn follow<'py>(
     py: Python<'py>,
@@ -25,9 +26,9 @@ pub fn follow<'py>(
     stiffness: Array<'py>,
     drives: Array<'py>,
     drive_coordinates: Vec<usize>,
+    springs: Array<'py>,
     poles: ComplexArray<'py>,
     shapes: ComplexArray<'py>,
-    want_shapes: bool,
 ) -> PyResult<Followed<'py>> {
     let n = mass.shape().last().copied().unwrap_or(0);
     let square = [None, Some(n), Some(n)];
@@ -50,16 +51,15 @@ pub fn follow<'py>(
     let poles = numbers("poles", &poles, &[None])?;
     let m = poles.len();
     let shapes = numbers("shapes", &shapes, &[Some(m), Some(n)])?;
-    let walk = Walk { n, mass: &mass, damping: &damping, stiffness: &stiffness, drives: &drives };
-    let out = py.detach(|| modes::follow(&walk, &poles, &shapes, want_shapes)).map_err(raise)?;
+    let springs = numbers("springs", &springs, &[None, Some(n)])?;
+    let walk =
+        Walk { n, mass: &mass, damping: &damping, stiffness: &stiffness, drives: &drives, springs: &springs };
+    let out = py.detach(|| modes::follow(&walk, &poles, &shapes)).map_err(raise)?;
     let p = out.reached;
-    let shapes = match want_shapes {
-        true => Some(array(py, out.shapes, &[p, m, n + d])?),
-        false => None,
-    };
     Ok((
         array(py, out.poles, &[p, m])?,
-        shapes,
+        array(py, out.shapes, &[p, m, n + d])?,
+        array(py, out.shares, &[p, m, n])?,
         array(py, out.residuals, &[p])?,
         array(py, out.likeness, &[p, m])?,
     ))

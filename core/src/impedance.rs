@@ -76,6 +76,8 @@ pub struct DriveNumbers {
 /// t(s) the motor's turn per unit of the coordinate: a ratio of polynomials.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Drive {
+    /// w, k and K_P.
+    pub(crate) springs: [f64; 3],
     /// w k.
     pub(crate) gain: f64,
     /// Coefficients of t's numerator, lowest power first.
@@ -101,13 +103,13 @@ impl Drive {
                 expected: "a positive number",
             });
         }
-        let (gain, [k, d, i]) = (scale * shaft, link);
+        let (gain, [k, d, i], springs) = (scale * shaft, link, [scale, shaft, stiffness - shaft]);
         Ok(if integral == 0.0 && i == 0.0 {
             let denominator = [stiffness, damping, inertia, 0.0];
-            Self { gain, numerator: [gain - k, -d, 0.0], denominator, degree: 2 }
+            Self { springs, gain, numerator: [gain - k, -d, 0.0], denominator, degree: 2 }
         } else {
             let denominator = [integral, stiffness, damping, inertia];
-            Self { gain, numerator: [-i, gain - k, -d], denominator, degree: 3 }
+            Self { springs, gain, numerator: [-i, gain - k, -d], denominator, degree: 3 }
         })
     }
 
@@ -120,6 +122,7 @@ impl Drive {
     pub(crate) fn between(&self, other: &Self, share: f64) -> Self {
         let mix = |a: f64, b: f64| a + share * (b - a);
         Self {
+            springs: std::array::from_fn(|i| mix(self.springs[i], other.springs[i])),
             gain: mix(self.gain, other.gain),
             numerator: std::array::from_fn(|i| mix(self.numerator[i], other.numerator[i])),
             denominator: std::array::from_fn(|i| mix(self.denominator[i], other.denominator[i])),

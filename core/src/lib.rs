@@ -6,9 +6,11 @@
 
 pub mod bushing;
 mod columns;
+mod completeness;
 pub mod dynamics;
 pub mod eigenpairs;
 pub mod error;
+mod follower;
 pub mod frf;
 pub mod impedance;
 pub mod lanes;

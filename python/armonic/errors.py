@@ -58,3 +58,7 @@ class FrfError(ArmonicError):
 
 class UpdateError(ArmonicError):
     """A fitting problem is not well posed: parameters, bounds, weights or measurements."""
+
+
+class SurveyError(ArmonicError):
+    """A survey cannot be made as it is asked for, or its store belongs to another one."""

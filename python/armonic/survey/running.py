@@ -1,0 +1,237 @@
+"""`survey`: the modes of a robot in many postures, in threads or on a cluster, in memory or into a store."""
+
+from __future__ import annotations
+
+import math
+import os
+import pickle
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+
+from armonic.errors import SurveyError
+from armonic.loads import WrenchAxes, load_of
+from armonic.survey.block import Block, compute
+from armonic.survey.dataset import Layout
+from armonic.survey.systems import Field
+from armonic.survey.walk import block_shape, blocks, walk_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from distributed import Client
+    from numpy.typing import ArrayLike
+
+    from armonic.robot import Robot
+
+    Span: TypeAlias = tuple[int, int, tuple[slice, ...]]
+    Submit: TypeAlias = Callable[[int, int], Callable[[], Block]]
+
+POSTURES_PER_BLOCK = 4096
+BYTES_PER_BLOCK = 32e6
+"""Shapes of one block; blocks of robots with many modes are shorter."""
+
+
+def survey(
+    robot: Robot,
+    postures: Any,
+    *,
+    sweep: Mapping[str, ArrayLike] | None = None,
+    wrench: ArrayLike | None = None,
+    frame: str | None = None,
+    wrench_axes: WrenchAxes = "world",
+    shapes: bool = False,
+    participation: bool = True,
+    store: str | Path | None = None,
+    threads: int | None = None,
+    client: Client | str | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> xr.Dataset:
+    """Modal parameters of a robot in many postures, every mode under one number from the first posture to the last.
+
+    The map of Do, Vu, Liu 2022, section 3.2. Modes are sorted by natural frequency at the first posture and followed
+    from there, each from the neighbouring posture; every set is checked to be complete, and where continuation fails or
+    the system is not symmetric (a moment, feedback of the whole state) the dense solver takes over. Postures are
+    equilibria: joint springs are unloaded in them, or the controller feeds gravity and wrench forward.
+
+    Args:
+        robot: the robot.
+        postures: the name of a path or posture in the robot file, an array (P, n) or (P, joints) or list of postures, a
+            `Grid` or a `Sample` (whose postures come in an order in which neighbours follow each other).
+        sweep: by parameter path, values that the robot takes one after the other; several paths go along with each
+            other. The map gets a leading dimension named by the first.
+        wrench: force (N) over moment (N m) on the robot at the origin of `frame`, (6,).
+        frame: where the wrench acts.
+        wrench_axes: "world", or "frame" for a wrench that turns with its frame.
+        shapes: keep mode shapes, scaled to uᴴMu = 1.
+        participation: keep each coordinate's share of the elastic energy.
+        store: a folder for a Zarr store. The map streams into it in bounded memory; called again after it was ended in
+            any way, the survey goes on where it stopped.
+        threads: how many; by default one per processor.
+        client: a `distributed.Client`, or the address of a Dask scheduler, whose workers do the work.
+        progress: called with the number of postures done and of all.
+
+    Returns:
+        An `xarray.Dataset` over the dimensions of the map and `mode`: `pole` and `partner` (rad/s), `natural_freq_hz`,
+        `damped_freq_hz`, `damping_ratio`, `mac` with the posture before, `event` (1 crossing, 2 veering), `stability`,
+        `method`, `residual`, and `shape` and `participation` if they are kept. From a store it is read as it is used.
+
+    Raises:
+        SurveyError: postures or sweep do not fit, the map does not fit into memory or on the disk, or the store holds
+            another survey.
+        PostureError: a posture, wrench or frame does not fit the robot.
+        ModelError: a posture has no modes, or nothing can deflect.
+        UpdateError: a swept path is no number of the robot file.
+    """
+    walk, load = walk_of(robot, postures, sweep), load_of(robot, wrench, frame, wrench_axes)
+    field = Field(robot, walk, load)
+    field.refuse()
+    first = field.dense(0)
+    poles = 2 * int(first.oscillatory.sum()) + int((~first.oscillatory).sum())
+    layout = Layout(field, (poles + 1) // 2, shapes, participation)
+    size = 16.0 * layout.modes * first.shapes.shape[0]
+    block = block_shape(field.walk.shape, max(16, int(min(POSTURES_PER_BLOCK, BYTES_PER_BLOCK / size))))
+    with _workers(field, layout, threads, client) as (submit, ahead):
+        if store is not None:
+            return _into_store(layout, block, store, submit, ahead, progress)
+        return _in_memory(layout, block, submit, ahead, progress)
+
+
+def _in_memory(
+    layout: Layout,
+    block: tuple[int, ...],
+    submit: Submit,
+    ahead: int,
+    progress: Callable[[int, int], None] | None,
+) -> xr.Dataset:
+    walk = layout.field.walk
+    _refuse_without_memory(layout)
+    values = layout.empty()
+    flat = {name: array.reshape(walk.count, *array.shape[len(walk.shape) :]) for name, array in values.items()}
+    last = None
+    for (_, stop, _), made in _in_order(blocks(walk.shape, block), submit, ahead):
+        named = made.named_after(last)
+        last = named.poles[-1]
+        for name, rows in layout.values(named).items():
+            flat[name][named.places] = rows
+        if progress is not None:
+            progress(stop, walk.count)
+    return layout.dataset(values)
+
+
+def _into_store(
+    layout: Layout,
+    block: tuple[int, ...],
+    path: str | Path,
+    submit: Submit,
+    ahead: int,
+    progress: Callable[[int, int], None] | None,
+) -> xr.Dataset:
+    from armonic.survey.store import Store
+    from armonic.survey.walk import reflected
+
+    walk = layout.field.walk
+    store = Store(path, layout, block)
+    done = store.done
+    last = store.last(int(reflected(walk.shape, np.array([done - 1]))[0])) if 0 < done < walk.count else None
+    if progress is not None:
+        progress(done, walk.count)
+    rest = (span for span in blocks(walk.shape, block) if span[1] > done)
+    for (_, stop, box), made in _in_order(rest, submit, ahead):
+        named = made.named_after(last)
+        last = named.poles[-1]
+        store.write(box, named.places, layout.values(named), stop)
+        if progress is not None:
+            progress(stop, walk.count)
+    return store.dataset()
+
+
+def _in_order(spans: Iterator[Span], submit: Submit, ahead: int) -> Iterator[tuple[Span, Block]]:
+    """Blocks in the order of the walk, `ahead` of them under way at a time."""
+    under_way: deque[tuple[Span, Callable[[], Block]]] = deque()
+    for span in spans:
+        under_way.append((span, submit(span[0], span[1])))
+        if len(under_way) > ahead:
+            done, result = under_way.popleft()
+            yield done, result()
+    while under_way:
+        done, result = under_way.popleft()
+        yield done, result()
+
+
+@contextmanager
+def _workers(
+    field: Field, layout: Layout, threads: int | None, client: Client | str | None
+) -> Iterator[tuple[Submit, int]]:
+    """Something that computes blocks, and how many it should have under way."""
+    wanted = {"shapes": layout.shapes, "participation": layout.participation}
+    if client is not None:
+        with _cluster(field, wanted, client) as workers:
+            yield workers
+        return
+    count = _threads(threads)
+    if count == 1 or field.walk.count == 1:
+        yield lambda start, stop: lambda: compute(field, start, stop, **wanted), 0
+        return
+    with ThreadPoolExecutor(count, thread_name_prefix="survey") as pool:
+        try:
+            yield lambda start, stop: pool.submit(compute, field, start, stop, **wanted).result, count
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _threads(threads: int | None) -> int:
+    if threads is None:
+        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if not (isinstance(threads, int) and 1 <= threads <= 1024):
+        raise SurveyError("threads", found=f"{threads!r}", expected="a number from 1 to 1024")
+    return threads
+
+
+@contextmanager
+def _cluster(field: Field, wanted: dict[str, bool], client: Client | str) -> Iterator[tuple[Submit, int]]:
+    try:
+        from distributed import Client as Connection
+    except ImportError:
+        raise SurveyError(
+            "client",
+            found="no Dask",
+            expected="the package distributed",
+            hint="Install it: pip install 'armonic[dask]'.",
+        ) from None
+    own = None
+    if isinstance(client, str):
+        try:
+            client = own = Connection(client, timeout="10s")  # type: ignore[no-untyped-call]
+        except (OSError, ValueError) as error:
+            found = f"no scheduler ({str(error).splitlines()[0] if str(error) else type(error).__name__:.80})"
+            raise SurveyError(
+                f"scheduler {client}", found=found, expected="the address of a running one, such as tcp://host:8786"
+            ) from error
+    try:
+        # A task, not scattered data: what a lost worker held is made again by another.
+        there = client.submit(pickle.loads, pickle.dumps(field), pure=False)
+        workers = max(1, sum(client.nthreads().values()))  # type: ignore[no-untyped-call]
+        yield lambda start, stop: client.submit(compute, there, start, stop, **wanted, pure=False).result, 2 * workers
+    finally:
+        if own is not None:
+            own.close()  # type: ignore[no-untyped-call]
+
+
+def _refuse_without_memory(layout: Layout) -> None:
+    needed = sum(math.prod(shape) * np.dtype(v.dtype).itemsize for v, _, shape in layout.variables())
+    try:
+        free = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (ValueError, OSError, AttributeError):
+        return
+    if needed > free:
+        raise SurveyError(
+            "map",
+            found=f"{layout.field.walk.count} postures, which need {needed / 1e9:.3g} GB",
+            expected=f"at most the {free / 1e9:.3g} GB of memory that are free",
+            hint="Give a store, into which the map streams, or a coarser grid.",
+        )

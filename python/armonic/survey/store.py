@@ -1,0 +1,191 @@
+"""A survey on disk: a Zarr group that fills block by block, and that another run goes on with where one was ended."""
+
+from __future__ import annotations
+
+import json
+import math
+import secrets
+import shutil
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+import zarr
+from zarr.codecs import BloscCodec
+
+from armonic.errors import SurveyError
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from numpy.typing import NDArray
+
+    from armonic.survey.dataset import Layout
+
+    Values: TypeAlias = NDArray[Any]
+
+DONE = "surveyed"
+"""Scalar variable: how many postures of the walk are in the store. It is written after the data it counts."""
+
+
+class Store:
+    """The Zarr group of one survey, new or begun by an earlier run.
+
+    Args:
+        path: the folder.
+        layout: what the survey will hold.
+        block: extent of the blocks that are written one by one, which are Zarr's chunks too.
+
+    Raises:
+        SurveyError: something else is there, a store of another robot or survey, or there is no room.
+    """
+
+    def __init__(self, path: str | Path, layout: Layout, block: tuple[int, ...]) -> None:
+        self.path, self._layout, self._block = Path(path), layout, block
+        try:
+            if self.path.exists():
+                self._group = self._opened()
+            else:
+                self._refuse_without_room()
+                self._group = self._created()
+        except (OSError, ValueError) as error:
+            if isinstance(error, SurveyError):
+                raise
+            found = f"a place that cannot be used ({getattr(error, 'strerror', None) or error})"
+            raise SurveyError(str(path), found=found, expected="a new folder, or the store of this survey") from error
+        self._arrays = {v.name: self._array(v.name) for v, _, _ in layout.variables()}
+
+    def _array(self, name: str) -> zarr.Array[Any]:
+        array = self._group[name]
+        assert isinstance(array, zarr.Array)
+        return array
+
+    @property
+    def done(self) -> int:
+        """Postures of the walk that are in the store."""
+        return int(np.asarray(self._array(DONE)[...]))
+
+    def write(self, box: tuple[slice, ...], places: NDArray[np.intp], values: dict[str, Values], done: int) -> None:
+        """Add a block, then count it.
+
+        Args:
+            box: the part of the survey's axes that it fills.
+            places: where each of its postures stands (row-major in the whole survey), (P,).
+            values: its variables, (P, ...).
+            done: postures of the walk in the store when this block is there.
+        """
+        shape = tuple(part.stop - part.start for part in box)
+        index = np.unravel_index(places, self._layout.field.walk.shape)
+        flat = np.ravel_multi_index(tuple(i - part.start for i, part in zip(index, box, strict=True)), shape)
+        for name, rows in values.items():
+            filled = np.empty_like(rows)
+            filled[flat] = rows
+            self._arrays[name][box] = filled.reshape(*shape, *rows.shape[1:])
+        self._array(DONE)[...] = done
+
+    def last(self, place: int) -> NDArray[np.complex128]:
+        """Poles (m, 2) at a posture that is in the store."""
+        index = tuple(int(i) for i in np.unravel_index(place, self._layout.field.walk.shape))
+        pairs = [np.asarray(self._arrays[name][index]) for name in ("pole", "partner")]
+        return np.stack(pairs, axis=-1)
+
+    def dataset(self) -> xr.Dataset:
+        """The stored survey, read as it is used."""
+        import xarray as xr
+
+        stored: xr.Dataset = xr.open_zarr(self.path, consolidated=False, chunks=None)
+        return stored[[*self._arrays, DONE]]
+
+    def _created(self) -> zarr.Group:
+        """A new group, made beside its place and moved there whole."""
+        draft = self.path.with_name(f".{self.path.name[:80]}.{secrets.token_hex(4)}.tmp")
+        try:
+            group = zarr.open_group(draft, mode="w-", zarr_format=3)
+            group.attrs.update(self._layout.attributes() | {"coordinates": " ".join(self._layout.coords())})
+            for variable, dims, shape in self._layout.variables():
+                tail = shape[len(self._block) :]
+                group.create_array(
+                    variable.name,
+                    shape=shape,
+                    chunks=(*self._block, *tail),
+                    dtype=variable.dtype,
+                    compressors=BloscCodec(
+                        cname="lz4", clevel=1, shuffle="shuffle", typesize=_typesize(variable.dtype)
+                    ),
+                    dimension_names=dims,
+                    attributes={"units": variable.units, "long_name": variable.long_name},
+                    fill_value=_nothing(variable.dtype),
+                )
+            for name, (dims, values, attributes) in self._layout.coords().items():
+                if values.dtype.kind == "U":
+                    values = values.astype(np.dtypes.StringDType())  # the one text that Zarr specifies
+                group.create_array(name, data=values, chunks=values.shape, dimension_names=dims, attributes=attributes)
+            count = group.create_array(
+                DONE,
+                shape=(),
+                dtype="i8",
+                dimension_names=(),
+                attributes={"long_name": "postures that are in this map"},
+            )
+            count[...] = 0
+            draft.rename(self.path)
+        finally:
+            with suppress(OSError):
+                shutil.rmtree(draft)  # left over only if something failed
+        return zarr.open_group(self.path, mode="r+")
+
+    def _opened(self) -> zarr.Group:
+        try:
+            group = zarr.open_group(self.path, mode="r+")
+            there = {key: group.attrs.get(key) for key in ("robot", "robot_file", "spec")}
+        except (OSError, ValueError, KeyError) as error:
+            raise SurveyError(
+                str(self.path), found="something that is no map", expected="a new folder, or the store of this survey"
+            ) from error
+        wanted = self._layout.attributes()
+        if there["spec"] is None:
+            raise SurveyError(str(self.path), found="a store that is no map", expected="the store of this survey")
+        hint = "Choose another name, or remove that store."
+        if there["robot_file"] != wanted["robot_file"]:
+            found = f"the map of another robot or version of its file ({there['robot']!s:.60})"
+            raise SurveyError(str(self.path), found=found, expected=f"the map of {wanted['robot']}", hint=hint)
+        if there["spec"] != wanted["spec"]:
+            found = f"another survey of this robot ({_differs(str(there['spec']), str(wanted['spec']))})"
+            raise SurveyError(str(self.path), found=found, expected="the survey that is asked for", hint=hint)
+        for leftover in self.path.rglob("*.partial"):
+            leftover.unlink(missing_ok=True)
+        return group
+
+    def _refuse_without_room(self) -> None:
+        """Before anything is computed: compression saves little, for the last digits of poles are noise."""
+        needed = sum(math.prod(shape) * np.dtype(v.dtype).itemsize for v, _, shape in self._layout.variables())
+        folder = self.path.resolve().parent
+        if not folder.is_dir():
+            raise SurveyError(str(self.path), found=f"no folder {folder}", expected="a folder that exists")
+        free = shutil.disk_usage(folder).free
+        if needed > free:
+            count = self._layout.field.walk.count
+            raise SurveyError(
+                str(self.path),
+                found=f"a map of {count} postures that needs {needed / 1e9:.3g} GB",
+                expected=f"at most the {free / 1e9:.3g} GB that are free there",
+                hint="Take a coarser grid, or leave out shapes and participation.",
+            )
+
+
+def _compressor(dtype: str) -> BloscCodec:
+    """Fast rather than tight: the last digits of poles do not shrink."""
+    return BloscCodec(cname="lz4", clevel=1, shuffle="shuffle", typesize=min(8, np.dtype(dtype).itemsize))
+
+
+def _nothing(dtype: str) -> Any:
+    return np.array(np.nan if dtype[0] in "fc" else 0).astype(dtype)[()]
+
+
+def _differs(there: str, wanted: str) -> str:
+    try:
+        a, b = json.loads(there), json.loads(wanted)
+    except ValueError:
+        return "unreadable"
+    keys = [key for key in b if a.get(key) != b[key]]
+    return f"other {', '.join(keys)}" if keys else "of another version"
