@@ -31,7 +31,7 @@ FIRST_WINDOW = 8
 
 @dataclass
 class State:
-    """Modes at one place: poles (m, 2), the second NaN where a slot has one; their shapes (m, 2, N), shares (m, 2, n)."""
+    """Modes at one place: poles (m, 2), the second NaN where a slot has one; shapes (m, 2, N), shares (m, 2, n)."""
 
     poles: Complex
     shapes: Complex

@@ -109,9 +109,7 @@ class Store:
                     shape=shape,
                     chunks=(*self._block, *tail),
                     dtype=variable.dtype,
-                    compressors=BloscCodec(
-                        cname="lz4", clevel=1, shuffle="shuffle", typesize=_typesize(variable.dtype)
-                    ),
+                    compressors=_compressor(variable.dtype),
                     dimension_names=dims,
                     attributes={"units": variable.units, "long_name": variable.long_name},
                     fill_value=_nothing(variable.dtype),

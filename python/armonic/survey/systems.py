@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Systems:
-    """Impedance form of P linear systems of n coordinates and d drives, Z(s) = s²M + sC + K − w k t(s) (docs/theory.md).
+    """P systems of n coordinates and d drives in impedance form, Z(s) = s²M + sC + K − w k t(s) (docs/theory.md).
 
     Attributes:
         mass: M, (P, n, n).
