@@ -99,6 +99,47 @@ def random_robot(seed: int, n: int, *, damping: float = 1e-3, **rest: Any) -> am
     return robot_of(links, **{"frames": frames, "postures": {"bent": rng.uniform(-1, 1, n).tolist()}, **rest})
 
 
+def random_driven_robot(seed: int, n: int, *, feedback: bool = False, **rest: Any) -> am.Robot:
+    """A random robot whose joints are driven or sprung, at least one of them driven, with random gains of every kind.
+
+    Args:
+        seed: of the random numbers.
+        n: number of joints.
+        feedback: whether the control also has a full state feedback.
+        rest: further keys of the file.
+    """
+    data = json.loads(random_robot(seed, n).to_yaml())
+    rng = np.random.default_rng([seed, n, 1])
+    chosen = rng.permutation(n)[: rng.integers(1, n + 1)]
+    for i in chosen:
+        link = data["links"][i]
+        del link["elasticity"]
+        link["drive"] = {
+            "gear_ratio": float(rng.uniform(50, 200)),
+            "rotor_inertia": float(10 ** rng.uniform(-4.5, -3.5)),
+            "shaft_stiffness": float(10 ** rng.uniform(4.5, 5.5)),
+            "motor_damping": float(rng.uniform(0, 1)),
+            "joint_damping": float(rng.uniform(1, 30)),
+        }
+        if link["joint"]["type"] == "prismatic":
+            link["drive"]["radius"] = float(rng.uniform(0.05, 0.2))
+    nm = len(chosen)
+
+    def gains(largest: float, share: float = 1.0) -> list[float]:
+        return (rng.uniform(0.1, 1.0, nm) * largest * (rng.random(nm) < share)).tolist()
+
+    control: dict[str, Any] = {"kp": gains(2e4), "kd": gains(100), "ki": gains(2e4, 0.5)}
+    control |= {"link_kp": gains(2e3, 0.5), "link_kd": gains(5, 0.5), "link_ki": gains(1e3, 0.3)}
+    if feedback:
+        control["state_feedback"] = {
+            key: (size * rng.uniform(-1, 1, (nm, 2 * nm))).tolist()
+            for key, size in (("position", 200), ("velocity", 2))
+        }
+    return robot_of(
+        data["links"], **{"frames": data["frames"], "postures": data["postures"], "control": control, **rest}
+    )
+
+
 def random_positive(rng: np.random.Generator, n: int) -> Array:
     """A symmetric positive definite matrix with a condition number of some tens."""
     root = rng.normal(size=(n, n)) / np.sqrt(n)

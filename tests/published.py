@@ -1,6 +1,6 @@
-"""The tables of Huynh et al. 2021 as printed, and what an independent recomputation of them gave.
+"""The tables of Huynh et al. 2021 and Do, Vu, Liu 2022 as printed, and what an independent recomputation of them gave.
 
-What the paper computes has `printed` in its name (Eqs. 33 and 34, Table 6). The same without `printed` comes
+What a paper computes has `printed` in its name. The same without `printed` comes
 from a numpy program that shares nothing with Armonic (finite-difference kinematics, LAPACK eigenvalues): it
 agrees with the print and carries more digits.
 """
@@ -140,5 +140,44 @@ class KukaKr90:
     all_damped_freq_hz_earlier_work: Row = (9.96, 11.07, 18.72, 23.85, 53.05, 69.39, 71.62, 95.61, 111.86)
 
 
+@dataclass(frozen=True)
+class ClosedLoopTable:
+    """Undamped natural frequencies, abs(lambda) / 2 pi, and damping ratios, of twelve modes."""
+
+    natural_freq_hz: Row
+    damping_percent: Row
+
+
+@dataclass(frozen=True)
+class Scompi:
+    """Do, Vu, Liu 2022, section 4: the grinding robot bare (case 1) and with 4 kg at its tool (case 2)."""
+
+    tool_mass: tuple[float, float] = (0.0, 4.0)
+
+    # Table 5, analytical columns, at configuration 8 of 50.
+    printed_table_5: tuple[ClosedLoopTable, ClosedLoopTable] = (
+        ClosedLoopTable(
+            (6.3692, 6.9642, 9.8842, 12.7170, 13.1418, 25.5949, 37.0199, 58.3984, 58.8631, 94.3825, 183.2303, 850.8082),
+            (7.6686, 11.2981, 12.7399, 16.1988, 16.7181, 26.5926, 1.3938, 2.9817, 3.4643, 2.2483, 17.0471, 80.5774),
+        ),
+        ClosedLoopTable(
+            (5.9634, 6.6522, 9.2928, 12.6414, 13.1418, 25.3752, 33.1574, 46.3479, 49.3412, 92.0281, 138.7911, 850.5782),
+            (7.1538, 10.8175, 11.9109, 16.1256, 16.7181, 25.6469, 2.3513, 2.1881, 3.3381, 2.2052, 12.5831, 80.5557),
+        ),
+    )
+    # Section 4.2, over all configurations and both cases.
+    printed_lowest_hz: float = 5.13
+    printed_highest_hz: float = 851.14
+    printed_damping_percent: Row = (1.25, 80.61)
+    # Section 4.2 on Fig. 5: configuration 1, first mode, K_P from 2000 to 15 000 with K_D = 0.425 sqrt(K_P).
+    printed_sweep_kp: Row = (2000.0, 15000.0)
+    printed_sweep_freq_hz: Row = (2.39, 6.51)
+    printed_sweep_damping_percent: Row = (9.44, 7.85)
+    # Eqs. 21 and 22.
+    printed_q: Row = (0.0, -0.374, 1.9448, 0.0, -1.9448, 0.0)
+    printed_motor_position: Row = (0.0, -0.374, 1.9446, -0.0001, -1.9449, 0.0)
+
+
 HUYNH_3R = Huynh3R()
+SCOMPI = Scompi()
 KUKA_KR90 = KukaKr90()

@@ -26,14 +26,19 @@ if TYPE_CHECKING:
         ModelError,
         PostureError,
         RobotFileError,
+        SurveyError,
         UpdateError,
     )
     from armonic.files import read_csv, read_frf, read_uff, write_csv, write_frf, write_uff
     from armonic.linear import LinearModel, linearize
+    from armonic.map_report import write_map_report
     from armonic.modal import Modes, mac, modes
     from armonic.report import write_report
     from armonic.response import Frf
     from armonic.robot import Robot, load
+    from armonic.stability import GainMargin, gain_margins
+    from armonic.state_space import StateSpace
+    from armonic.survey import Grid, Sample, path, survey
     from armonic.synthesis import frf, responses
     from armonic.updating import Fit, FittedParameter, Measurement, peak_weights, update
 
@@ -45,6 +50,8 @@ __all__ = [
     "FittedParameter",
     "Frf",
     "FrfError",
+    "GainMargin",
+    "Grid",
     "LinearModel",
     "Measurement",
     "ModelError",
@@ -52,22 +59,29 @@ __all__ = [
     "PostureError",
     "Robot",
     "RobotFileError",
+    "Sample",
+    "StateSpace",
+    "SurveyError",
     "UpdateError",
     "check",
     "frf",
+    "gain_margins",
     "linearize",
     "load",
     "mac",
     "modes",
+    "path",
     "peak_weights",
     "read_csv",
     "read_frf",
     "read_uff",
     "responses",
     "robots",
+    "survey",
     "update",
     "write_csv",
     "write_frf",
+    "write_map_report",
     "write_report",
     "write_uff",
 ]
@@ -78,14 +92,19 @@ _HOME = {
     "catalog": ("robots",),
     "checks": ("Finding", "check"),
     "errors": (
-        "ArmonicError", "DataFileError", "FrfError", "ModelError", "PostureError", "RobotFileError", "UpdateError",
+        "ArmonicError", "DataFileError", "FrfError", "ModelError", "PostureError", "RobotFileError", "SurveyError",
+        "UpdateError",
     ),
     "files": ("read_csv", "read_frf", "read_uff", "write_csv", "write_frf", "write_uff"),
     "linear": ("LinearModel", "linearize"),
+    "map_report": ("write_map_report",),
     "modal": ("Modes", "mac", "modes"),
     "report": ("write_report",),
     "response": ("Frf",),
     "robot": ("Robot", "load"),
+    "stability": ("GainMargin", "gain_margins"),
+    "state_space": ("StateSpace",),
+    "survey": ("Grid", "Sample", "path", "survey"),
     "synthesis": ("frf", "responses"),
     "updating": ("Fit", "FittedParameter", "Measurement", "peak_weights", "update"),
 }  # fmt: skip

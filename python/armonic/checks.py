@@ -8,7 +8,11 @@ from typing import Literal
 
 import numpy as np
 
+from armonic.description.names import listed
 from armonic.robot import Robot
+
+LOW_GEAR_RATIO = 10
+"""Below it, rotors that turn with their link change the motion noticeably (Do et al. 2022 assume 100 and more)."""
 
 
 @dataclass(frozen=True)
@@ -35,13 +39,16 @@ def check(robot: Robot) -> tuple[Finding, ...]:
     Returns:
         Errors: an inertia tensor that no body can have, a mass matrix that is not positive definite.
         Warnings: principal moments that break the triangle inequality, locked joints, free coordinates that
-        nothing holds, massless links at an end of the tree, no posture. Empty if there is nothing to say.
+        nothing holds, motors that nothing holds, low gear ratios, massless links at an end of the tree, damping in
+        a URDF, no posture. Empty if there is nothing to say.
     """
     findings = [
         *_inertias(robot),
         *_mass_matrices(robot),
         *_elasticity(robot),
+        *_motors(robot),
         *_massless_ends(robot),
+        *_left_out(robot),
     ]
     if not robot.postures:
         message = "The file has no posture; add one to name the configurations you work in."
@@ -50,24 +57,26 @@ def check(robot: Robot) -> tuple[Finding, ...]:
 
 
 def _inertias(robot: Robot) -> Iterator[Finding]:
-    for link in robot.description.links:
-        where = f"links.{link.name}.inertia"
-        moments = np.linalg.eigvalsh(np.array(link.inertia.matrix()))
-        listed = ", ".join(f"{moment:.4g}" for moment in moments)
+    tensors = {f"links.{link.name}.inertia": link.inertia for link in robot.description.links}
+    if robot.description.tool is not None:
+        tensors["tool.inertia"] = robot.description.tool.inertia
+    for where, tensor in tensors.items():
+        moments = np.linalg.eigvalsh(np.array(tensor.matrix()))
+        found = ", ".join(f"{moment:.4g}" for moment in moments)
         # Rounded tables miss by a last digit; eigvalsh by a few ulp of the largest moment.
         slack = 1e-9 * abs(moments).max()
         if moments[0] < -slack:
             yield Finding(
                 "error",
                 where,
-                f"The principal moments are {listed} kg m²; none may be negative. "
+                f"The principal moments are {found} kg m²; none may be negative. "
                 "Check the signs: xy, xz, yz are tensor entries, minus the products of inertia.",
             )
         elif moments[0] + moments[1] < moments[2] - slack:
             yield Finding(
                 "warning",
                 where,
-                f"The principal moments {listed} kg m² break the triangle inequality: "
+                f"The principal moments {found} kg m² break the triangle inequality: "
                 "each must be at most the sum of the others. No body has this tensor exactly.",
             )
 
@@ -95,14 +104,14 @@ def _mass_matrices(robot: Robot) -> Iterator[Finding]:
 
 def _elasticity(robot: Robot) -> Iterator[Finding]:
     links = robot.description.links
-    if not any(link.elasticity for link in links):
-        message = "No joint has elasticity, so every coordinate is locked and nothing vibrates."
+    if not any(link.elasticity or link.drive for link in links):
+        message = "No joint has elasticity or a drive, so every coordinate is locked and nothing vibrates."
         yield Finding("warning", "links", message)
         return
     for link in links:
         own = link.joint.own
-        if own is not None and own not in link.elasticity:
-            message = f"The joint has no elasticity about its own axis: {link.name}.{own} is locked."
+        if own is not None and own not in link.elasticity and link.drive is None:
+            message = f"The joint has no elasticity about its own axis and no drive: {link.name}.{own} is locked."
             yield Finding("warning", f"links.{link.name}.elasticity", message)
         for key, spring in link.elasticity.items():
             if spring is None and not robot.bushings:
@@ -110,9 +119,41 @@ def _elasticity(robot: Robot) -> Iterator[Finding]:
                 yield Finding("warning", f"links.{link.name}.elasticity.{key}", message)
 
 
-def _massless_ends(robot: Robot) -> Iterator[Finding]:
-    parents = {link.parent for link in robot.description.links}
+def _motors(robot: Robot) -> Iterator[Finding]:
+    control = robot.control
+    held = (control.kp != 0.0) | (control.ki != 0.0) | (control.link_kp != 0.0) | (control.link_ki != 0.0)
+    held |= (control.position != 0.0).any(axis=1)
+    loose = [name for name, holds in zip(robot.motors, held, strict=True) if not holds]
+    if loose and robot.description.control is None:
+        message = (
+            "The drives have no control: nothing holds the motors, and they drift. Add `control: {kp: ..., kd: ...}`."
+        )
+        yield Finding("warning", "control", message)
+    elif loose:
+        names = listed(loose)
+        message = f"No position feedback holds {names}: kp, ki, link_kp and link_ki are zero, and the motor drifts."
+        yield Finding("warning", "control.kp", message)
     for link in robot.description.links:
-        if link.mass == 0.0 and link.name not in parents:
+        if link.drive is not None and link.drive.gear_ratio < LOW_GEAR_RATIO:
+            message = (
+                f"The gear ratio is {link.drive.gear_ratio:g}. The model has the rotor turn about its own axis only, "
+                "which is near the truth for high ratios."
+            )
+            yield Finding("warning", f"links.{link.name}.drive.gear_ratio", message)
+
+
+def _massless_ends(robot: Robot) -> Iterator[Finding]:
+    if robot.urdf is not None:
+        return  # URDFs have no other way to say a frame
+    tree, parents = robot.tree, {link.parent for link in robot.description.links}
+    for link in robot.description.links:
+        node = tree.frame_nodes[tree.frames.index(link.name)]
+        if tree.masses[node] == 0.0 and link.name not in parents:
             message = "The last link of a branch has no mass; a frame does the same without a joint."
             yield Finding("warning", f"links.{link.name}.mass", message)
+
+
+def _left_out(robot: Robot) -> Iterator[Finding]:
+    for joint in robot.urdf.damped if robot.urdf is not None else ():
+        message = "The damping that the URDF gives this joint is not used; give the joint an `elasticity` with damping."
+        yield Finding("warning", f"joint {joint}", message)

@@ -9,14 +9,19 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import numpy as np
 
 from armonic import _core
+from armonic.closed_loop import ClosedLoop
+from armonic.equilibrium import desired, settle
 from armonic.errors import ModelError, PostureError
+from armonic.loads import WrenchAxes, load_of, numbers
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
+    from armonic.description.drives import Control, Drives
     from armonic.robot import Robot
+    from armonic.state_space import StateSpace
 
     Array: TypeAlias = NDArray[np.float64]
     Posture: TypeAlias = str | Sequence[float] | NDArray[np.float64] | Mapping[str, float]
@@ -24,29 +29,32 @@ if TYPE_CHECKING:
 Equilibrium = Literal["reference", "static"]
 """Where a model is linearized: at the posture as given, or where the robot settles under gravity and wrench."""
 
-NEWTON_STEPS = 50
-
 
 @dataclass(frozen=True)
 class LinearModel:
-    """M δq̈ + C δq̇ + K δq = δτ in the coordinates that can deflect (Huynh et al. 2021, Eq. 16).
+    """M δz̈ + C δż + K δz + G ∫δz = δτ in the coordinates that can deflect, z = [q; q_m].
 
-    Locked coordinates (those without elasticity) have dropped out. Everything is SI and radians.
+    Huynh et al. 2021, Eq. 16; with drives the explicit closed loop of Do et al. 2022, Eqs. 8 to 12. Locked coordinates
+    (those without elasticity or drive) have dropped out. Everything is SI and radians.
 
     Attributes:
         robot: the robot that was linearized.
         posture: name of the posture, or its numbers as text.
-        q: all coordinates of the operating point, (n_all,).
-        coordinates: names of the n coordinates that are left.
-        mass: M, (n, n), kg m² or kg.
-        damping: C with joint dampers and gyroscopic terms, (n, n).
-        stiffness: K with joint springs, gravity, wrench and bushings, (n, n).
-        free_damping: C without the impedances below, (n, n).
-        free_stiffness: K without the impedances below, (n, n): gravity, wrench, motion and the load of bushings.
+        q: all link coordinates of the operating point, (n_all,).
+        coordinates: names of the N coordinates that are left: n of the links, then one per motor ("arm.motor").
+        mass: M, (N, N), kg m² or kg; motors behind the gear.
+        damping: C with dampers, gyroscopic terms and the control's gains of velocity, (N, N).
+        stiffness: K with springs, shafts, gravity, wrench, bushings and the control's gains of position, (N, N).
+        free_damping: C without the impedances below, (N, N).
+        free_stiffness: K without the impedances below, (N, N): drives, control, gravity, wrench, motion and the load of
+            bushings.
         impedances: names of the r spring-dampers, as paths into the description.
-        directions: coordinate-space direction of each spring-damper, (r, n).
+        directions: coordinate-space direction of each spring-damper, (r, N).
         spring: their stiffness, (r,).
         damper: their damping, (r,).
+        loop: the drives and their control.
+        motor_position: q_m of the operating point, (nm,), rad behind the gear (Do et al. 2022, Eq. 3).
+        motor_torque: τ_m there, (nm,), N m behind the gear (Eq. 2).
         loaded: bushings that carry load in this posture; part of their stiffness is in `free_stiffness`, since it comes
             from the load.
     """
@@ -64,10 +72,43 @@ class LinearModel:
     directions: Array
     spring: Array
     damper: Array
+    loop: ClosedLoop = field(repr=False)
+    motor_position: Array
+    motor_torque: Array
     loaded: tuple[str, ...] = ()
 
+    @property
+    def links(self) -> int:
+        """Number n of link coordinates; those of motors follow."""
+        return len(self.coordinates) - len(self.loop)
+
+    @property
+    def drives(self) -> Drives:
+        """The drives, one per motor."""
+        return self.loop.drives
+
+    @property
+    def control(self) -> Control:
+        """The gains of the drives."""
+        return self.loop.control
+
+    @property
+    def local(self) -> bool:
+        """Whether every motor listens to its own joint only; if not, there is no impedance form."""
+        return self.loop.local
+
+    @cached_property
+    def integral(self) -> Array:
+        """G, (N, N): force per integral of a deviation, so that Z(s) = s²M + sC + K + G/s. Zero without K_I."""
+        G = np.zeros(self.mass.shape)
+        if len(self.loop):
+            G[self.links :] = self.loop.integral
+        return G
+
     def jacobian(self, frame: str) -> Array:
-        """Jacobian of a frame in the frame's own axes, (6, n): velocity x y z over angular velocity rx ry rz.
+        """Jacobian of a frame in the frame's own axes, (6, N): velocity x y z over angular velocity rx ry rz.
+
+        Motors do not move the links by themselves: their columns are zero.
 
         Args:
             frame: name of a frame or link of the robot.
@@ -76,7 +117,7 @@ class LinearModel:
             PostureError: no such frame.
         """
         rows = self.robot.mechanism.jacobian(self.q, self.robot.frame_index(frame), own_axes=True)
-        return rows[:, self.robot.flexible]
+        return np.pad(rows[:, self.robot.flexible], ((0, 0), (0, len(self.loop))))
 
     def with_impedances(self, spring: Array, damper: Array) -> LinearModel:
         """The same posture with other stiffness (r,) and damping (r,) of the impedances."""
@@ -90,16 +131,47 @@ class LinearModel:
         )
 
     def state_matrix(self) -> Array:
-        """A of ẋ = A x with x = [δq; δq̇], (2n, 2n) (Do et al. 2022, Eq. 14)."""
-        n = len(self.coordinates)
+        """A of ẋ = A x, (2N + p, 2N + p) (Do et al. 2022, Eq. 14).
+
+        x = [δz; δż] and a torque I ∫δz (N m) for each of the p motors whose control integrates.
+        """
+        n, rows = len(self.coordinates), self.loop.integrating
         factor = self.mass_factor
-        lower = np.hstack([self.stiffness, self.damping])
+        held = np.eye(n)[:, self.links + rows]
+        lower = np.hstack([self.stiffness, self.damping, held])
         solved = np.linalg.solve(factor.T, np.linalg.solve(factor, lower))
-        return np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), -solved])
+        upper = np.hstack([np.zeros((n, n)), np.eye(n), np.zeros(held.shape)])
+        integrators = np.hstack([self.loop.integral[rows], np.zeros((len(rows), n + len(rows)))])
+        return np.vstack([upper, -solved, *([integrators] if len(rows) else [])])
+
+    def state_space(
+        self,
+        *,
+        frame: str,
+        inputs: Iterable[str] = ("x", "y", "z"),
+        outputs: Iterable[str] = ("x", "y", "z"),
+        motors: bool = True,
+    ) -> StateSpace:
+        """The model as ẋ = A x + B u, y = C x + D u, for MATLAB and python-control.
+
+        Args:
+            frame: where forces act and displacements are taken, in its own axes.
+            inputs: force (x y z) and moment (rx ry rz) axes.
+            outputs: displacement and rotation axes.
+            motors: whether motor torques are inputs and motor positions outputs as well.
+
+        Raises:
+            PostureError: no such frame.
+            FrfError: no such axis.
+            ModelError: no positive definite mass matrix.
+        """
+        from armonic.state_space import state_space
+
+        return state_space(self, frame=frame, inputs=tuple(inputs), outputs=tuple(outputs), motors=motors)
 
     @cached_property
     def mass_factor(self) -> Array:
-        """Lower Cholesky factor L of M = L Lᵀ, (n, n).
+        """Lower Cholesky factor L of M = L Lᵀ, (N, N).
 
         Raises:
             ModelError: M is not positive definite.
@@ -123,22 +195,25 @@ def linearize(
     acceleration: ArrayLike | None = None,
     wrench: ArrayLike | None = None,
     frame: str | None = None,
+    wrench_axes: WrenchAxes = "world",
     equilibrium: Equilibrium = "reference",
 ) -> LinearModel:
     """Linearizes a robot about an operating point by analytic derivatives.
 
     M, C = ∂f/∂q̇ and K = ∂f/∂q of f(q, q̇, q̈) = M q̈ + b + g − Jᵀ w + springs and dampers (Huynh et al. 2021, Eqs. 14
-    to 17; Do et al. 2022, Eq. 12). The joint springs are unloaded in `posture`.
+    to 17; Do et al. 2022, Eqs. 8 to 12). The joint springs are unloaded in `posture`, which drives are told to hold.
 
     Args:
         robot: the robot.
         posture: a posture's name, or the joint coordinates (rad, m).
         velocity: coordinate velocities, one per joint or per coordinate; at rest if not given.
         acceleration: coordinate accelerations, likewise.
-        wrench: force (N) over moment (N m) on the robot at the origin of `frame`, constant in world axes, (6,).
+        wrench: force (N) over moment (N m) on the robot at the origin of `frame`, constant in `wrench_axes`, (6,).
         frame: where the wrench acts.
-        equilibrium: "reference" linearizes at `posture` itself, as the paper does; "static" where the robot comes to
-            rest when gravity and the wrench load the springs (Newton's method).
+        wrench_axes: "world", or "frame" for a wrench in the axes of `frame` that turns with it.
+        equilibrium: "reference" linearizes at `posture` itself, as the papers do; "static" where the robot comes to
+            rest when gravity and the wrench load springs, shafts and control (Newton's method). Of a robot on drives
+            with feed-forward that is the posture.
 
     Raises:
         PostureError: posture, velocity, acceleration, wrench or frame do not fit the robot.
@@ -153,15 +228,20 @@ def linearize(
             robot.name,
             found="no coordinate with elasticity",
             expected="at least one",
-            hint="Give a joint an `elasticity` with stiffness and damping.",
+            hint="Give a joint an `elasticity` with stiffness and damping, or a `drive`.",
         )
-    wrenches = _wrenches(robot, wrench, frame)
-    bushings = _bushings(robot, q)
+    load = load_of(robot, wrench, frame, wrench_axes)
+    bushings, loop = _bushings(robot, q), ClosedLoop.of(robot, keep)
+    rest = desired(robot, q, load)
     if equilibrium == "static":
-        q = _settle(robot, label, q, wrenches, bushings, keep)
+        rest = settle(label, rest, load, bushings, keep, loop)
+        q = rest.q
     elif equilibrium != "reference":
         raise PostureError("equilibrium", found=repr(equilibrium), expected='"reference" or "static"')
-    tangent = robot.mechanism.linearize(q, rates[0], rates[1], wrenches=wrenches, bushings=bushings)
+    tangent = robot.mechanism.linearize(q, rates[0], rates[1], wrenches=load.at(q), bushings=bushings)
+    turning = load.turning_stiffness(q)
+    if turning is not None:
+        tangent[2] += turning
     mass, damping, stiffness = tangent[:, keep[:, None], keep]
     _refuse_impossible(robot, label, mass, tangent)
     impedances, directions, spring, damper, in_tangent = _impedances(robot, q, bushings, keep)
@@ -169,20 +249,24 @@ def linearize(
     held = directions[in_tangent]
     free_stiffness = _without(stiffness, held, spring[in_tangent])
     free_damping = _without(damping, held, damper[in_tangent])
+    mass, free_damping, free_stiffness = loop.explicit(mass, free_damping, free_stiffness)
     return LinearModel(
         robot=robot,
         posture=label,
         q=q,
-        coordinates=tuple(robot.coordinates[i] for i in keep),
+        coordinates=(*(robot.coordinates[i] for i in keep), *robot.drives.names),
         mass=mass,
         damping=free_damping,
         stiffness=free_stiffness,
         free_damping=free_damping,
         free_stiffness=free_stiffness,
         impedances=impedances,
-        directions=directions,
+        directions=np.pad(directions, ((0, 0), (0, len(loop)))),
         spring=spring,
         damper=damper,
+        loop=loop,
+        motor_position=rest.motor_position,
+        motor_torque=rest.motor_torque,
         loaded=_loaded(robot, q, bushings),
     ).with_impedances(spring, damper)
 
@@ -210,6 +294,7 @@ def model_of(
     wrench: ArrayLike | None,
     frame: str | None,
     equilibrium: Equilibrium,
+    wrench_axes: WrenchAxes = "world",
 ) -> LinearModel:
     """A robot linearized at a posture, or a linear model as it is.
 
@@ -223,7 +308,7 @@ def model_of(
         if posture is None and len(robot.postures) > 1:
             raise PostureError("posture", found="none", expected=f"one of {', '.join(robot.postures)}")
         where = posture if posture is not None else next(iter(robot.postures), {})
-        return linearize(robot, where, wrench=wrench, frame=frame, equilibrium=equilibrium)
+        return linearize(robot, where, wrench=wrench, frame=frame, wrench_axes=wrench_axes, equilibrium=equilibrium)
     if posture is not None or wrench is not None or equilibrium != "reference":
         raise PostureError(
             "posture",
@@ -234,23 +319,13 @@ def model_of(
     return robot
 
 
-def _numbers(where: str, values: ArrayLike, lengths: tuple[int, ...], expected: str) -> Array:
-    try:
-        array = np.asarray(values, float)
-    except (TypeError, ValueError):
-        array = np.array(np.nan)
-    if array.ndim != 1 or array.size not in lengths or not np.isfinite(array).all():
-        raise PostureError(where, found=f"{values!r:.60}", expected=expected)
-    return array
-
-
 def _rates(robot: Robot, where: str, values: ArrayLike | None) -> Array:
     """Velocities or accelerations of all coordinates, from those of the joints or of all."""
     rates = np.zeros(len(robot.coordinates))
     if values is None:
         return rates
     lengths = len(robot.joint_coordinates), len(rates)
-    given = _numbers(
+    given = numbers(
         where, values, lengths, f"{lengths[0]} finite numbers, one per joint, or {lengths[1]}, one per coordinate"
     )
     if given.size == len(rates):
@@ -263,17 +338,6 @@ def _label(robot: Robot, q: Array) -> str:
     """A posture without a name: its joint coordinates, and of the virtual ones those that are not zero."""
     shown = [i for i, name in enumerate(robot.coordinates) if name in robot.joint_coordinates or q[i] != 0]
     return ", ".join(f"{robot.coordinates[i]} = {q[i]:.4g}" for i in shown)
-
-
-def _wrenches(robot: Robot, wrench: ArrayLike | None, frame: str | None) -> list[tuple[int, list[float]]]:
-    if wrench is None:
-        if frame is not None:
-            raise PostureError("frame", found=f"{frame!r} without a wrench", expected="both or neither")
-        return []
-    if frame is None:
-        raise PostureError("frame", found="nothing", expected="the frame at which the wrench acts")
-    values = _numbers("wrench", wrench, (6,), "six finite numbers: force x y z (N), moment x y z (N m)")
-    return [(robot.frame_index(frame), values.tolist())]
 
 
 def _bushings(robot: Robot, q: Array) -> list[_core.Bushing]:
@@ -324,40 +388,3 @@ def _without(matrix: Array, directions: Array, values: Array) -> Array:
     rest = matrix - directions.T @ (values[:, None] * directions)
     odd = np.abs(matrix - matrix.T).max()
     return (rest + rest.T) / 2 if odd <= 1e-13 * np.abs(matrix).max() else rest
-
-
-def _settle(
-    robot: Robot,
-    label: str,
-    reference: Array,
-    wrenches: list[tuple[int, list[float]]],
-    bushings: list[_core.Bushing],
-    keep: NDArray[np.intp],
-) -> Array:
-    """Posture where springs, gravity and wrench balance, by Newton's method from the unloaded one."""
-    mechanism, zero = robot.mechanism, np.zeros_like(reference)
-    q = reference.copy()
-    for _ in range(NEWTON_STEPS):
-        parts = [mechanism.inverse_dynamics(q, zero, zero, wrenches=wrenches), robot.stiffness * (q - reference)]
-        forces = np.array([*parts, *(bushing.force(mechanism, q, zero) for bushing in bushings)])[:, keep]
-        residual = forces.sum(axis=0)
-        tangent = mechanism.linearize(q, zero, zero, wrenches=wrenches, bushings=bushings)
-        stiffness = tangent[2][keep[:, None], keep] + np.diag(robot.stiffness[keep])
-        # Of least length: a free coordinate that nothing loads stays where it is.
-        step = np.linalg.lstsq(stiffness, residual, rcond=1e-12)[0]
-        q[keep] -= step
-        if not np.isfinite(q).all() or np.abs(q - reference).max() > 10.0:
-            break
-        # Convergence is quadratic: after a step this small only rounding is left, or what nothing carries.
-        if np.abs(step).max() <= 1e-10:
-            size = float(np.abs(stiffness).max())
-            loose = np.abs(residual - stiffness @ step).max() > 1e-9 * np.abs(forces).max() + 1e-12 * size
-            if loose or np.linalg.eigvals(stiffness).real.min() < -1e-12 * size:
-                break
-            return q
-    raise ModelError(
-        f"{robot.name}, posture {label}",
-        found="no stable static equilibrium near it",
-        expected="springs that carry gravity and the wrench",
-        hint="Check stiffness and wrench, or linearize at the reference posture.",
-    )

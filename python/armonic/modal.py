@@ -9,6 +9,7 @@ import numpy as np
 
 from armonic.errors import FrfError, ModelError
 from armonic.linear import Equilibrium, LinearModel, model_of
+from armonic.loads import WrenchAxes
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -29,13 +30,13 @@ STABILITY_TOLERANCE = 1e-9
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Modes:
-    """Complex modes of λ² M u + λ C u + K u = 0, sorted by natural frequency.
+    """Complex modes of λ² M u + λ C u + K u + G u/λ = 0, sorted by natural frequency; G is zero without integral gain.
 
     Oscillatory modes stand for a conjugate pair (Im λ > 0); real poles are kept, one entry each.
 
     Attributes:
         posture: name of the posture, or its numbers.
-        coordinates: names of the n coordinates.
+        coordinates: names of the n coordinates: those of the links, then the motors.
         poles: λ, (m,), rad/s.
         natural_freq_hz: |λ| / 2π, (m,), the undamped frequency (Do et al. 2022, Eq. 16).
         damped_freq_hz: Im λ / 2π, (m,), the one Huynh et al. 2021 print (Eq. 20).
@@ -44,9 +45,10 @@ class Modes:
         mass: M at that posture, (n, n), kg m² or kg.
         shapes: u by columns, (n, m), rad or m, scaled to uᴴ M u = 1 with uᵀ M u real and positive, which for
             proportional damping are the real mass-normalized shapes; the largest entry has a positive real part.
-        participation: share of each coordinate's spring in the elastic energy of a mode, (n, m). Together with
-            `bushing_participation` a column adds up to one; both are zero for a rigid-body mode. Where springs alone
-            hold the robot (no gravity, no wrench) and damping is small, it is also 2 ∂ln f / ∂ln k.
+        participation: share of each coordinate's spring in the elastic energy of a mode, (n, m). The spring of a driven
+            coordinate is its shaft in series with the control's, k |w q − q_m|² + k_p |q_m|²; rows of motors are zero.
+            Together with `bushing_participation` a column adds up to one; both are zero for a rigid-body mode. Where
+            springs alone hold the robot (no drive, gravity or wrench) and damping is small, it is also 2 ∂ln f / ∂ln k.
         bushings: names of the b directions in which bushings act: "mount.x", "mount.rx".
         bushing_participation: share of the spring in each of them (of the diagonal stiffness), (b, m).
         stability: "asymptotically stable", "unstable" or "marginal", the three cases of Do et al. 2022, section 3.2.
@@ -95,9 +97,13 @@ def modes(
     *,
     wrench: ArrayLike | None = None,
     frame: str | None = None,
+    wrench_axes: WrenchAxes = "world",
     equilibrium: Equilibrium = "reference",
 ) -> Modes:
     """Natural frequencies, damping and complex shapes at a posture, by LAPACK.
+
+    Of a robot on drives they are those of the closed loop (Do et al. 2022, Eqs. 13 to 18), poles of integrators
+    included; a loop that is unstable is said to be so.
 
     Args:
         robot: a robot, or a linear model that is taken as it is.
@@ -105,13 +111,14 @@ def modes(
             coordinates zero if it names none.
         wrench: as in `linearize`.
         frame: as in `linearize`.
+        wrench_axes: as in `linearize`.
         equilibrium: as in `linearize`.
 
     Raises:
         PostureError: posture, wrench or frame do not fit the robot, or come with a linear model.
         ModelError: no positive definite mass matrix, no equilibrium, or every coordinate locked.
     """
-    model = model_of(robot, posture, wrench=wrench, frame=frame, equilibrium=equilibrium)
+    model = model_of(robot, posture, wrench=wrench, frame=frame, wrench_axes=wrench_axes, equilibrium=equilibrium)
     n = len(model.coordinates)
     # Mass-normalized coordinates y = Lᵀ u, and time in units of the fastest motion, keep the matrix balanced.
     left = np.asarray(np.linalg.inv(model.mass_factor), np.float64)
@@ -128,9 +135,11 @@ def modes(
     terms = float(np.linalg.norm(abs(left) @ abs(model.stiffness) @ abs(left.T), 2))
     noise = 16 * n * float(np.finfo(float).eps) * (rate**2 + terms)
     state = np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness / rate**2, -damping / rate]])
+    integral = left @ model.integral @ left.T
+    state = _with_integrators(state, model.links + model.loop.integrating, integral / rate**3)
     eigenvalues, vectors = np.linalg.eig(state)
     values, y = rate * eigenvalues.astype(np.complex128), vectors[:n].astype(np.complex128)
-    values[_rigid(values, y, damping, noise)] = 0.0
+    values[_rigid(values, y, damping, integral, noise)] = 0.0
     keep = np.flatnonzero(values.imag >= 0)
     keep = keep[np.lexsort((values[keep].imag, np.abs(values[keep])))]
     poles = values[keep]
@@ -156,6 +165,18 @@ def modes(
     )
 
 
+def _with_integrators(state: Array, rows: NDArray[np.intp], integral: Array) -> Array:
+    """A state matrix with one integrator more for each of the rows of G that are not zero."""
+    if not len(rows):
+        return state
+    n, p = len(integral), len(rows)
+    whole = np.zeros((2 * n + p, 2 * n + p))
+    whole[: 2 * n, : 2 * n] = state
+    whole[n + rows, 2 * n + np.arange(p)] = -1.0
+    whole[2 * n :, :n] = integral[rows]
+    return whole
+
+
 def _energy_shares(model: LinearModel, shapes: Complex, noise: float) -> tuple[Array, Array]:
     """Shares of the coordinates' springs, (n, m), and of the bushings, (b, m), in the elastic energy of every mode."""
     own = np.zeros((len(model.coordinates), shapes.shape[1]))
@@ -166,17 +187,23 @@ def _energy_shares(model: LinearModel, shapes: Complex, noise: float) -> tuple[A
             others.append(stored[None])
         else:
             own[np.argmax(direction)] += stored
+    loop, drives = model.loop, model.drives
+    turns, motors = drives.scale[:, None] * shapes[loop.driven], shapes[loop.motors]
+    shafts, control = drives.shaft_stiffness[:, None], model.control.kp[:, None]
+    own[loop.driven] += shafts * np.abs(turns - motors) ** 2 + control * np.abs(motors) ** 2
     of_bushings = np.vstack(others)
     total = own.sum(axis=0) + of_bushings.sum(axis=0)
     total = np.where(total > noise, total, np.inf)
     return own / total, of_bushings / total
 
 
-def _rigid(poles: Complex, shapes: Complex, damping: Array, noise: float) -> NDArray[np.bool_]:
-    """Which poles are those of a rigid body: λ² + λ yᴴCy, which is −yᴴKy, is no more than noise."""
+def _rigid(poles: Complex, shapes: Complex, damping: Array, integral: Array, noise: float) -> NDArray[np.bool_]:
+    """Which poles are those of a rigid body: λ² + λ yᴴCy + yᴴGy/λ, which is −yᴴKy, is no more than noise."""
     y = shapes / np.linalg.norm(shapes, axis=0)
-    dissipated = np.abs(np.sum(y.conj() * (damping @ y), axis=0))
-    return np.asarray(np.abs(poles) ** 2 + np.abs(poles) * dissipated <= noise)
+    dissipated, integrated = (np.abs(np.sum(y.conj() * (matrix @ y), axis=0)) for matrix in (damping, integral))
+    size = np.abs(poles)
+    held = np.divide(integrated, size, out=np.zeros(len(poles)), where=size > 0)
+    return np.asarray(size**2 + size * dissipated + held <= noise)
 
 
 def _normalized(mass_normal: Complex, left: Array) -> Complex:

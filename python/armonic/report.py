@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-import platform
-from datetime import datetime
-from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import scipy
-from jinja2 import Environment, StrictUndefined
-from markupsafe import Markup
-from plotly.offline import get_plotlyjs
 from scipy.optimize import linear_sum_assignment
 
-import armonic
 from armonic import plots, text
 from armonic.modal import mac
+from armonic.page import ALLEMANG_BROWN, DO_VU_LIU, embedder, render_page
 from armonic.updating.uncertainty import IDENTIFIED_FACTOR, WEAK_FACTOR
 from armonic.writing import write_whole
 
@@ -25,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     import plotly.graph_objects as go
+    from markupsafe import Markup
     from numpy.typing import NDArray
 
     from armonic.modal import Modes
@@ -38,16 +32,8 @@ REFERENCES = (
         " Manufacturing, 2021.",
         "The frequency responses (Eqs. 21 to 28), the cost of the fit (Eq. 22), damped frequencies (Eq. 20).",
     ),
-    (
-        "T.-T. Do, V.-H. Vu, Z. Liu: Linearization of dynamic equations for vibration and modal analysis of"
-        " flexible joint manipulators. Mechanism and Machine Theory, 2022.",
-        "The linear model (Eq. 12), natural frequencies (Eq. 16), the stability verdict (section 3.2).",
-    ),
-    (
-        "R. J. Allemang, D. L. Brown: A correlation coefficient for modal vector analysis. Proceedings of the"
-        " 1st International Modal Analysis Conference, 1982.",
-        "The modal assurance criterion (MAC).",
-    ),
+    (DO_VU_LIU, "The linear model (Eq. 12), natural frequencies (Eq. 16), the stability verdict (section 3.2)."),
+    (ALLEMANG_BROWN, "The modal assurance criterion (MAC)."),
     (
         "M. A. Branch, T. F. Coleman, Y. Li: A subspace, interior, and conjugate gradient method for"
         " large-scale bound-constrained minimization problems. SIAM Journal on Scientific Computing, 1999.",
@@ -55,15 +41,6 @@ REFERENCES = (
     ),
 )
 """What a fit rests on, and for what."""
-
-WIDTH = 1080
-"""Of the page and its figures, in pixels: the same on a screen and on paper."""
-
-_PLOT_CONFIG = {
-    "displaylogo": False,
-    "modeBarButtons": [["toImage", "resetScale2d"]],
-    "toImageButtonOptions": {"format": "svg"},
-}
 
 
 def write_report(fit: Fit, path: str | Path, *, title: str | None = None) -> Path:
@@ -89,59 +66,29 @@ def write_report(fit: Fit, path: str | Path, *, title: str | None = None) -> Pat
 
 def render(fit: Fit, *, title: str | None = None) -> str:
     """The report as a text of HTML; `write_report` writes it to a file."""
-    source = resources.files("armonic").joinpath("report.html.j2").read_text("utf-8")
-    # Names come from the user's files: everything is escaped but what _embedder made.
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    embed = _embedder()
-    return environment.from_string(source).render(
-        title=title or f"Model update: {fit.start.name}",
-        robot=fit.start,
-        file=fit.start.path.name if fit.start.path else None,
-        summary=text.summary(fit),
-        status=fit.status,
-        doubts=fit.doubts,
-        tiles=_tiles(fit),
-        counts={verdict: number for verdict, number in text.verdict_counts(fit).items() if number},
-        measurements=[_measurement(fit, k, embed) for k in range(len(fit.measurements))],
-        cost_figure=embed(plots.cost_history(fit)),
-        parameters=[_parameter_row(parameter) for parameter in fit.parameters],
-        interval_figure=embed(plots.parameter_intervals(fit)),
-        identified=f"{100 * (IDENTIFIED_FACTOR - 1):g} %",
-        weak=f"{WEAK_FACTOR:g}",
-        noise=text.format_percent(fit.noise, digits=2),
-        postures=[_posture(fit, k, embed) for k in range(len(fit.postures))],
-        references=REFERENCES,
-        message=fit.message,
-        made=datetime.now().astimezone(),
-        versions=", ".join(
-            f"{name} {version}"
-            for name, version in (
-                ("Armonic", armonic.__version__),
-                ("Python", platform.python_version()),
-                ("NumPy", np.__version__),
-                ("SciPy", scipy.__version__),
-            )
-        ),
-        colours=plots.VERDICT_COLOURS,
-        fonts=Markup(plots.FONT_STACK),
-        plotly_js=Markup(get_plotlyjs()),
-    )
-
-
-def _embedder() -> Callable[[go.Figure], Markup]:
-    """A function from a figure to its HTML, with ids counted up, so that two reports of one fit are alike."""
-    number = 0
-
-    def embed(figure: go.Figure) -> Markup:
-        nonlocal number
-        number += 1
-        if figure.layout.width is None:
-            figure.update_layout(width=WIDTH)
-        return Markup(
-            figure.to_html(full_html=False, include_plotlyjs=False, div_id=f"figure-{number}", config=_PLOT_CONFIG)
-        )
-
-    return embed
+    embed = embedder()
+    content = {
+        "title": title or f"Model update: {fit.start.name}",
+        "robot_name": fit.start.name,
+        "robot_source": fit.start.source,
+        "file": fit.start.path.name if fit.start.path else None,
+        "summary": text.summary(fit),
+        "status": fit.status,
+        "doubts": fit.doubts,
+        "tiles": _tiles(fit),
+        "counts": {verdict: number for verdict, number in text.verdict_counts(fit).items() if number},
+        "measurements": [_measurement(fit, k, embed) for k in range(len(fit.measurements))],
+        "cost_figure": embed(plots.cost_history(fit)),
+        "parameters": [_parameter_row(parameter) for parameter in fit.parameters],
+        "interval_figure": embed(plots.parameter_intervals(fit)),
+        "identified": f"{100 * (IDENTIFIED_FACTOR - 1):g} %",
+        "weak": f"{WEAK_FACTOR:g}",
+        "noise": text.format_percent(fit.noise, digits=2),
+        "postures": [_posture(fit, k, embed) for k in range(len(fit.postures))],
+        "references": REFERENCES,
+        "message": fit.message,
+    }
+    return render_page("report.html.j2", content)
 
 
 def _tiles(fit: Fit) -> list[tuple[str, str, str]]:

@@ -15,16 +15,21 @@ from numpy.typing import NDArray
 
 from armonic import catalog
 from armonic.description.document import Document, is_file, read_text
-from armonic.description.reading import did_you_mean, listed, read_description
+from armonic.description.drives import Array, Control, Drives
+from armonic.description.from_urdf import UrdfDocument, from_urdf, is_urdf, with_urdf
+from armonic.description.names import did_you_mean, listed
+from armonic.description.numbers import Number, list_numbers, select, unknown_path
+from armonic.description.reading import read_description
 from armonic.description.schema import RobotDescription
-from armonic.description.tree import Array, Bushing, Tree, compile_tree
+from armonic.description.tree import Bushing, Tree, compile_tree
 from armonic.description.units import number, shown, si_unit
-from armonic.description.values import Parameter, list_parameters, select, unknown_path, write
+from armonic.description.values import write
 from armonic.errors import PostureError, RobotFileError
 from armonic.writing import write_whole
 
 if TYPE_CHECKING:
     from armonic._core import Mechanism
+    from armonic.description.urdf import Urdf
 
 PostureLike = str | Sequence[float | str] | Mapping[str, float | str] | Array
 """A name in the file, the joint coordinates, all coordinates, or values by coordinate name."""
@@ -34,7 +39,8 @@ def load(source: str | Path) -> Robot:
     """Load a robot.
 
     Args:
-        source: the path of a robot file, or a name from the catalog ("kuka_kr90"). A file of that name wins.
+        source: the path of a robot file or a URDF, or a name from the catalog ("kuka_kr90"). A file of that name
+            wins.
 
     Returns:
         The robot.
@@ -44,6 +50,8 @@ def load(source: str | Path) -> Robot:
     """
     path, name = Path(source), str(source)
     if is_file(path):
+        if is_urdf(path):
+            return Robot._from_document(from_urdf(path), path)
         return Robot.from_yaml(read_text(path), path=path)
     names = catalog.names()
     if name in names:
@@ -75,13 +83,14 @@ class Robot:
 
         Args:
             text: YAML.
-            path: the file it came from, if any.
+            path: the file it came from, if any; `urdf` is relative to its folder, or else to the working folder.
             origin: what error messages call the text if it has no path.
 
         Raises:
             RobotFileError: the text is not a valid robot description.
         """
-        return cls._from_document(Document(text, origin if path is None else str(path)), path)
+        document = Document(text, origin if path is None else str(path))
+        return cls._from_document(with_urdf(document, Path() if path is None else path.parent), path)
 
     @classmethod
     def _from_document(cls, document: Document, path: Path | None) -> Robot:
@@ -89,8 +98,8 @@ class Robot:
         return cls(document, description, compile_tree(description), path)
 
     def __reduce__(self) -> tuple[object, ...]:
-        # The text says all; the compiled mechanism cannot be pickled.
-        return _restore, (self.to_yaml(), self._path, self._document.origin)
+        # The texts say all; the compiled mechanism cannot be pickled.
+        return _restore, (self.to_yaml(), self._path, self._document.origin, self.urdf)
 
     def __repr__(self) -> str:
         return f"<Robot {self.name!r}: {', '.join(self.coordinates)}>"
@@ -109,6 +118,11 @@ class Robot:
     def path(self) -> Path | None:
         """The file it was loaded from; None for the catalog and for changed robots."""
         return self._path
+
+    @property
+    def urdf(self) -> Urdf | None:
+        """The URDF that its file starts from, as it was when it was read."""
+        return self._document.urdf if isinstance(self._document, UrdfDocument) else None
 
     @property
     def description(self) -> RobotDescription:
@@ -139,17 +153,17 @@ class Robot:
 
     @property
     def flexible(self) -> NDArray[np.bool_]:
-        """(n,) whether a coordinate has elasticity or is free; linear models lock the others."""
+        """(n,) whether a coordinate has elasticity or a drive, or is free; linear models lock the others."""
         return self._tree.flexible
 
     @property
     def stiffness(self) -> Array:
-        """(n,) N m/rad or N/m; 0 where locked or free."""
+        """(n,) N m/rad or N/m, of the elasticity; 0 where locked, free or driven."""
         return self._tree.stiffness
 
     @property
     def damping(self) -> Array:
-        """(n,) N m s/rad or N s/m; 0 where locked or free."""
+        """(n,) N m s/rad or N s/m, of the elasticity; 0 where locked, free or driven."""
         return self._tree.damping
 
     @property
@@ -161,6 +175,26 @@ class Robot:
     def postures(self) -> Mapping[str, Array]:
         """The postures of the file by name, (n,) each."""
         return MappingProxyType(self._tree.postures)
+
+    @property
+    def paths(self) -> Mapping[str, Array]:
+        """The paths of the file by name, (P, n) postures each."""
+        return self._tree.paths
+
+    @property
+    def motors(self) -> tuple[str, ...]:
+        """The names of the motors, "link.motor", in the order of the links."""
+        return self._tree.drives.names
+
+    @property
+    def drives(self) -> Drives:
+        """The motors, gears and shafts as arrays, one row per motor."""
+        return self._tree.drives
+
+    @property
+    def control(self) -> Control:
+        """The gains of the motors; all zero where the file has no control."""
+        return self._tree.control
 
     @property
     def bushings(self) -> tuple[Bushing, ...]:
@@ -248,11 +282,12 @@ class Robot:
         return self.frames.index(name)
 
     @cached_property
-    def _parameters(self) -> dict[str, Parameter]:
-        return list_parameters(self._description, self._document.data)
+    def _numbers(self) -> dict[str, Number]:
+        numbers = list_numbers(self._description, self._document.data)
+        return {path: number for path, number in numbers.items() if self._document.holds(number.at)}
 
     def parameters(self, pattern: str | Iterable[str] = "elasticity") -> dict[str, float]:
-        """Stiffness and damping values by path, in the order of the file.
+        """What a fit may change: stiffness and damping of elasticity and bushings by path, in the order of the file.
 
         Args:
             pattern: a path or shell pattern ("links.arm.elasticity.*.stiffness"), a group ("elasticity",
@@ -264,34 +299,51 @@ class Robot:
         Raises:
             UpdateError: a pattern matches nothing.
         """
-        return {path: self._parameters[path].value for path in select(self._parameters, pattern)}
+        return {path: self._numbers[path].value for path in select(self._numbers, pattern, fits=True)}
 
-    def bounds(self, path: str) -> tuple[float, float] | None:
-        """The bounds that the file gives a parameter, in SI; None if it gives none.
-
-        Raises:
-            UpdateError: there is no such parameter.
-        """
-        return self._parameter(path).bounds
-
-    def unit(self, path: str) -> str:
-        """The SI unit of a parameter, "N m/rad" for example.
-
-        Raises:
-            UpdateError: there is no such parameter.
-        """
-        return si_unit(self._parameter(path).dimension)
-
-    def _parameter(self, path: str) -> Parameter:
-        if path not in self._parameters:
-            raise unknown_path(path, self._parameters)
-        return self._parameters[path]
-
-    def with_values(self, values: Mapping[str, float | str]) -> Robot:
-        """A new robot with other stiffness and damping values; the text of its file keeps all else.
+    def numbers(self, pattern: str | Iterable[str] = "*") -> dict[str, float]:
+        """The numbers of the file by path, also those it leaves at their default.
 
         Args:
-            values: by parameter path, in SI (or a text with a unit).
+            pattern: a path or shell pattern ("links.*.mass", "control.*"), a group of `parameters`, or several,
+                in a list or separated by commas.
+
+        Returns:
+            The values in SI.
+
+        Raises:
+            UpdateError: a pattern matches nothing.
+        """
+        return {path: self._numbers[path].value for path in select(self._numbers, pattern, fits=False)}
+
+    def bounds(self, path: str) -> tuple[float, float] | None:
+        """The bounds that the file gives a number for a fit, in SI; None if it gives none.
+
+        Raises:
+            UpdateError: there is no such number.
+        """
+        return self._number(path).bounds
+
+    def unit(self, path: str) -> str:
+        """The SI unit of a number, "N m/rad" for example; empty for a pure number.
+
+        Raises:
+            UpdateError: there is no such number.
+        """
+        dimension = self._number(path).dimension
+        return "" if dimension is None else si_unit(dimension)
+
+    def _number(self, path: str) -> Number:
+        if path not in self._numbers:
+            raise unknown_path(path, self._numbers)
+        return self._numbers[path]
+
+    def with_values(self, values: Mapping[str, float | str]) -> Robot:
+        """A new robot with other numbers; the text of its file keeps all else.
+
+        Args:
+            values: by path (see `numbers`), in SI or as a text with a unit. "control.kp" is the gain of all motors,
+                "control.kp.arm" that of one where the file has a list.
 
         Returns:
             The new robot; its `path` is None, for no file holds it yet.
@@ -300,7 +352,7 @@ class Robot:
             UpdateError: a path is unknown or a value is not a finite number.
             RobotFileError: a value is out of its bounds or impossible (a negative stiffness).
         """
-        return Robot._from_document(write(self._document, self._parameters, values), None)
+        return Robot._from_document(write(self._document, self._numbers, values), None)
 
     def to_yaml(self) -> str:
         """The text of the robot's file, with every comment."""
@@ -309,14 +361,23 @@ class Robot:
     def save(self, path: str | Path) -> None:
         """Write the robot to a file, whole or not at all.
 
+        A robot that starts from a URDF refers to it from the new place. If the URDF's file has gone or changed
+        since it was read, a copy is put beside the robot.
+
         Raises:
-            DataFileError: the file cannot be written.
+            DataFileError: the file cannot be written, or the copy would replace another file.
         """
-        write_whole(path, self.to_yaml().encode())
+        text = self.to_yaml()
+        if isinstance(self._document, UrdfDocument):
+            text, copy = self._document.moved(Path(path))
+            if copy is not None:
+                write_whole(copy, self._document.urdf.content)
+        write_whole(path, text.encode())
 
 
-def _restore(text: str, path: Path | None, origin: str) -> Robot:
-    return Robot.from_yaml(text, path=path, origin=origin)
+def _restore(text: str, path: Path | None, origin: str, urdf: Urdf | None) -> Robot:
+    document = Document(text, origin)
+    return Robot._from_document(document if urdf is None else UrdfDocument(document, urdf), path)
 
 
 def _listed_values(values: object) -> list[object] | None:

@@ -10,6 +10,7 @@ import numpy as np
 from armonic import _core
 from armonic.errors import FrfError, ModelError
 from armonic.linear import Equilibrium, LinearModel, model_of
+from armonic.loads import WrenchAxes
 from armonic.response import KINDS, Frf, Kind
 
 if TYPE_CHECKING:
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from armonic.linear import Posture
     from armonic.robot import Robot
 
+    Array: TypeAlias = NDArray[np.float64]
     Complex: TypeAlias = NDArray[np.complex128]
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
@@ -37,11 +39,13 @@ def frf(
     inputs: Iterable[str] = ("x", "y", "z"),
     input_frame: str | None = None,
     wrench: ArrayLike | None = None,
+    wrench_axes: WrenchAxes = "world",
     equilibrium: Equilibrium = "reference",
 ) -> Frf:
     """Frequency response matrix H(iω) = (iω)^p J Z(iω)⁻¹ Jᵀ at a frame, in the frame's own axes.
 
-    Huynh et al. 2021, Eqs. 21 to 28, with the Jacobian in place of the finite pose difference.
+    Huynh et al. 2021, Eqs. 21 to 28, with the Jacobian in place of the finite pose difference. Drives respond in closed
+    loop.
 
     Args:
         robot: a robot, or a linear model (then `posture` is None).
@@ -53,6 +57,7 @@ def frf(
         inputs: force (x y z) or moment (rx ry rz) axes.
         input_frame: where the force acts.
         wrench: a constant wrench at `frame` that the robot is under, as in `linearize`.
+        wrench_axes: as in `linearize`.
         equilibrium: as in `linearize`.
 
     Returns:
@@ -63,7 +68,8 @@ def frf(
         FrfError: lines or axes are not valid.
         ModelError: an undamped resonance lies exactly on a line, or the model cannot be built.
     """
-    model = model_of(robot, posture, wrench=wrench, frame=None if wrench is None else frame, equilibrium=equilibrium)
+    loaded = None if wrench is None else frame
+    model = model_of(robot, posture, wrench=wrench, frame=loaded, wrench_axes=wrench_axes, equilibrium=equilibrium)
     outputs, inputs = tuple(outputs), tuple(inputs)
     try:
         lines = np.asarray(freq_hz, float)
@@ -108,7 +114,11 @@ def responses(
         FrfError: unknown axis, or arrays that do not fit.
         ModelError: an undamped resonance lies exactly on a line.
     """
-    systems = [system(model, frame, tuple(outputs), tuple(inputs), input_frame=input_frame) for model in models]
+    outputs, inputs = tuple(outputs), tuple(inputs)
+    rows = [_rows(model, frame, outputs, inputs, input_frame) for model in models]
+    still = bool(np.any(np.asarray(freq_hz) == 0))
+    dense = any(_is_dense(model) or (still and _holds_link(model)) for model in models)
+    systems = [] if dense else [_system(model, *pair) for model, pair in zip(models, rows, strict=True)]
     loaded = {name for model in models for name in model.loaded}
     if loaded and (spring is not None or damper is not None):
         raise FrfError(
@@ -122,6 +132,8 @@ def responses(
         dampers = np.array([m.damper for m in models]) if damper is None else np.asarray(damper, float)
         springs, dampers = np.broadcast_arrays(np.atleast_2d(springs), np.atleast_2d(dampers))
         points = 2j * np.pi * np.asarray(freq_hz, float)
+        if not systems:
+            return _dense(models, rows, springs, dampers, points)
         return _core.responses(systems, springs, dampers, points)[0]
     except ArithmeticError as error:
         raise ModelError(
@@ -129,6 +141,67 @@ def responses(
         ) from None
     except (TypeError, ValueError) as error:
         raise FrfError("responses", found=str(error), expected="arrays that fit the models") from None
+
+
+def _is_dense(model: LinearModel) -> bool:
+    """Whether feedback from joint to joint comes with integrators, for which the core has no form."""
+    return not model.local and bool(model.loop.integrating.size)
+
+
+def _holds_link(model: LinearModel) -> bool:
+    """Whether some control integrates the joint's deviation alone: that joint's impedance is infinite at 0 Hz."""
+    loop = model.loop
+    return bool((loop.integral[loop.integrating, loop.motors[loop.integrating]] == 0).any())
+
+
+def _dense(
+    models: Sequence[LinearModel],
+    rows: Sequence[tuple[Array, Array]],
+    springs: Array,
+    dampers: Array,
+    points: Complex,
+) -> Complex:
+    """Receptances as `responses` gives them, by LAPACK.
+
+    Raises:
+        ValueError: there are neither as many sets of springs as models, nor one of either.
+        ArithmeticError: a dynamic stiffness is singular.
+    """
+    count = max(len(models), len(springs))
+    if {len(models), len(springs)} - {1, count}:
+        raise ValueError(f"{len(springs)} sets of springs for {len(models)} models")
+    found = []
+    for i in range(count):
+        at, given = min(i, len(models) - 1), min(i, len(springs) - 1)
+        model, (watched, hit) = models[at].with_impedances(springs[given], dampers[given]), rows[at]
+        s = points[:, None, None]
+        Z = s**2 * model.mass + s * model.damping + model.stiffness
+        # No force acts on a motor, so that its row may be multiplied by s: G/s then stays finite at 0 Hz.
+        integrating = model.links + model.loop.integrating
+        Z[:, integrating] = s * Z[:, integrating] + model.integral[integrating]
+        try:
+            found.append(watched @ np.linalg.solve(Z, np.broadcast_to(hit.T, (len(points), *hit.T.shape))))
+        except np.linalg.LinAlgError:
+            raise ArithmeticError("dynamic stiffness is singular") from None
+    return np.asarray(found)
+
+
+def _rows(
+    model: LinearModel, frame: str, outputs: tuple[str, ...], inputs: tuple[str, ...], input_frame: str | None
+) -> tuple[Array, Array]:
+    """Rows of the Jacobians where a model is watched and where it is hit.
+
+    Raises:
+        PostureError: unknown frame.
+        FrfError: unknown axis.
+    """
+    for name, axes in (("outputs", outputs), ("inputs", inputs)):
+        unknown = [axis for axis in axes if axis not in AXES]
+        if unknown or not axes:
+            raise FrfError(name, found=", ".join(map(repr, unknown)) or "none", expected=f"axes among {' '.join(AXES)}")
+    watched = model.jacobian(frame)[[AXES.index(axis) for axis in outputs]]
+    hit = model.jacobian(input_frame or frame)[[AXES.index(axis) for axis in inputs]]
+    return watched, hit
 
 
 def system(
@@ -141,21 +214,32 @@ def system(
 ) -> _core.LinearSystem:
     """What the core needs of a model that is watched at one frame and hit at another.
 
+    Where every motor listens to its own joint only, each drive is one impedance on that joint; else its motor is a
+    coordinate of its own.
+
     Raises:
         PostureError: unknown frame.
         FrfError: unknown axis.
+        ModelError: feedback from joint to joint with integrators.
     """
-    for name, axes in (("outputs", outputs), ("inputs", inputs)):
-        unknown = [axis for axis in axes if axis not in AXES]
-        if unknown or not axes:
-            raise FrfError(name, found=", ".join(map(repr, unknown)) or "none", expected=f"axes among {' '.join(AXES)}")
-    watched = model.jacobian(frame)[[AXES.index(axis) for axis in outputs]]
-    hit = model.jacobian(input_frame or frame)[[AXES.index(axis) for axis in inputs]]
+    if _is_dense(model):
+        raise ModelError(
+            f"{model.robot.name}, control",
+            found="state feedback from joint to joint beside integral gains",
+            expected="one or the other in a fit",
+        )
+    return _system(model, *_rows(model, frame, outputs, inputs, input_frame))
+
+
+def _system(model: LinearModel, watched: Array, hit: Array) -> _core.LinearSystem:
+    n, loop = (model.links, model.loop) if model.local else (len(model.coordinates), None)
     return _core.LinearSystem(
-        mass=model.mass,
-        damping=model.free_damping,
-        stiffness=model.free_stiffness,
-        directions=model.directions,
-        outputs=watched,
-        inputs=hit,
+        mass=model.mass[:n, :n],
+        damping=model.free_damping[:n, :n],
+        stiffness=model.free_stiffness[:n, :n],
+        directions=model.directions[:, :n],
+        outputs=watched[:, :n],
+        inputs=hit[:, :n],
+        drives=loop.impedances() if loop else None,
+        drive_coordinates=loop.driven.tolist() if loop else None,
     )

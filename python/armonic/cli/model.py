@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,21 +13,32 @@ from armonic.cli import arguments
 from armonic.cli.arguments import ForceFlag, FrameOption, JsonFlag, PostureOption, RobotName, UsageError
 from armonic.cli.outputs import check_output
 from armonic.cli.terminal import heading, line, print_json, show, table
+from armonic.cli.tool import ToolMassOption, with_tool_mass
 from armonic.text import count, format_hz, format_si, frf_unit
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from armonic.linear import Equilibrium
+    from armonic.loads import WrenchAxes
     from armonic.modal import Modes
     from armonic.response import Frf
+    from armonic.stability import GainMargin
 
 WrenchOption = Annotated[
     str | None,
     typer.Option(
         "--wrench",
         metavar="FX,FY,FZ,MX,MY,MZ",
-        help="Constant load at the frame, in world axes, N and N m.",
+        help="Constant load at the frame, N and N m.",
+    ),
+]
+WrenchAxesOption = Annotated[
+    str,
+    typer.Option(
+        "--wrench-axes",
+        metavar="world|frame",
+        help="Whether the load keeps its direction in the world or turns with the frame.",
     ),
 ]
 EquilibriumOption = Annotated[
@@ -55,23 +66,32 @@ def modes(
     posture: PostureOption = None,
     wrench: WrenchOption = None,
     frame: FrameOption = None,
+    wrench_axes: WrenchAxesOption = "world",
     equilibrium: EquilibriumOption = "reference",
+    tool_mass: ToolMassOption = None,
     as_json: JsonFlag = False,
 ) -> None:
-    """Natural frequencies, damping and what moves."""
+    """Natural frequencies, damping and what moves.
+
+    With drives: of the closed loop, and how far the gains of each are from making it unstable.
+    """
     how: Equilibrium = arguments.choice("--equilibrium", equilibrium, ("reference", "static"))
+    axes: WrenchAxes = arguments.choice("--wrench-axes", wrench_axes, ("world", "frame"))
     load = None if wrench is None else arguments.wrench(wrench)
     if load is None and frame is not None:
         raise UsageError(
             "--frame", found=f"{frame!r} without a wrench", expected="both --wrench and --frame, or neither"
         )
-    the_robot = arguments.open_robot(robot)
+    the_robot = with_tool_mass(arguments.open_robot(robot), tool_mass)
     where, label = arguments.posture(the_robot, posture)
     at = None if load is None else arguments.frame(the_robot, frame)
 
+    from armonic.linear import linearize
     from armonic.modal import modes as compute
+    from armonic.stability import gain_margins
 
-    result = compute(the_robot, where, wrench=load, frame=at, equilibrium=how)
+    model = linearize(the_robot, where, wrench=load, frame=at, wrench_axes=axes, equilibrium=how)
+    result, margins = compute(model), gain_margins(model)
     if as_json:
         from armonic.cli.results import modes_data
 
@@ -81,8 +101,11 @@ def modes(
                 "posture": label,
                 "equilibrium": how,
                 "wrench": load,
+                "wrench_axes": axes if load else None,
                 "frame": at,
+                "tool_mass": None if the_robot.description.tool is None else the_robot.description.tool.mass,
                 "stability": result.stability,
+                "gain_margins": [vars(margin) for margin in margins],
                 "coordinates": list(result.coordinates),
                 "modes": modes_data(result),
             }
@@ -91,12 +114,27 @@ def modes(
     from rich.text import Text
 
     context = f"{the_robot.name}, posture {label}"
+    if tool_mass is not None and the_robot.description.tool is not None:
+        context += f", tool of {the_robot.description.tool.mass:g} kg"
     if load is not None:
-        context += f", under a load at {at}"
+        context += f", under a load at {at}" + (" that turns with it" if axes == "frame" else "")
     if how == "static":
         context += ", at static equilibrium"
     verdict, style = STABILITY[result.stability]
     show(heading(context), "", _modes_table(result), "", Text(verdict, style=style))
+    for grid in _margins(margins):
+        show("", grid)
+
+
+def _margins(margins: Sequence[GainMargin]) -> Iterator[Table]:
+    """A table of how far the gains of each drive are from making the loop unstable; none if it is, or has no drives."""
+    if not margins or any(math.isnan(margin.upper) for margin in margins):
+        return
+    grid = table("stable while\nall gains of", ">times\nfrom", ">\nto", ">then grows\nHz")
+    for margin in margins:
+        ends = (format_si(end, digits=3) for end in (margin.lower, margin.upper))
+        grid.add_row(margin.motor, *ends, "–" if math.isnan(margin.freq_hz) else format_hz(margin.freq_hz))
+    yield grid
 
 
 def _modes_table(result: Modes) -> Table:

@@ -104,3 +104,18 @@ def fit_progress() -> Iterator[Callable[[int, float], None] | None]:
         # How many evaluations a fit takes is not known before, so the bar only shows that it lives.
         task = bar.add_task("linearizing", total=None)
         yield lambda evaluations, cost: bar.update(task, description=f"evaluation {evaluations}, cost {cost:.4g}")
+
+
+@contextmanager
+def steps_progress(doing: str, what: str) -> Iterator[Callable[[int, int], None] | None]:
+    """A bar on stderr that vanishes at the end, and what moves it to (done, all); None if nobody would see it."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn(doing), BarColumn(), MofNCompleteColumn(), TextColumn(what), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(doing, total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
@@ -59,22 +60,40 @@ class Document:
     Args:
         text: the YAML text.
         origin: the file's name for error messages.
+        data: what the text is known to hold; it is then parsed only where a place in it is asked for.
 
     Raises:
         RobotFileError: the text is not one well-formed YAML document, or uses anchors, aliases, tags,
             directives, duplicate keys, keys that are not texts, or nesting deeper than `MAX_DEPTH`.
     """
 
-    def __init__(self, text: str, origin: str) -> None:
+    def __init__(self, text: str, origin: str, data: Any = None) -> None:
         if len(text) > MAX_BYTES:
             raise _too_large(origin)
         self.text, self.origin = text, origin
-        self.root = _Reader(text, origin).read()
+        self._data = self.root.data if data is None else data
+
+    @cached_property
+    def root(self) -> Node:
+        """The value that the whole text is, with all others in it."""
+        return _Reader(self.text, self.origin).read()
 
     @property
     def data(self) -> Any:
         """The plain data of the whole text."""
-        return self.root.data
+        return self._data
+
+    @cached_property
+    def tried(self) -> set[frozenset[Location]]:
+        """The places where keys were added together and the text was found to hold what it should."""
+        return set()
+
+    def holds(self, location: Location) -> bool:
+        """Whether the text is where the value at a location stands, or would stand."""
+        return self._placed(location) is not None
+
+    def _placed(self, location: Location) -> Location | None:
+        return location
 
     def node(self, location: Location) -> Node:
         """The value at a location, or the last one on the way to it that exists."""
@@ -93,15 +112,24 @@ class Document:
     def where(self, location: Location, *, at_key: bool = False) -> str:
         """File, line and dotted path, with list entries called by their `name` where they have one."""
         node = self.key(location) if at_key else self.node(location)
-        path = dotted(location, self.data)
+        path = dotted(location, self.root.data)
         return f"{self.origin}, line {node.line}" + (f", {path}" if path else "")
 
     def edited(self, edits: Iterable[tuple[int, int, str]]) -> Document:
         """A new document with spans (start, end) of the text replaced; spans must not overlap."""
+        return Document(self._spliced(edits), self.origin)
+
+    def edited_into(self, data: Any, edits: Iterable[tuple[int, int, str]]) -> Document:
+        """As `edited`, where the data of the new text is known: parsing takes longer than all else of a change."""
+        if type(self) is not Document:  # there is more to its data than the text
+            return self.edited(edits)
+        return Document(self._spliced(edits), self.origin, data)
+
+    def _spliced(self, edits: Iterable[tuple[int, int, str]]) -> str:
         text = self.text
         for start, end, new in sorted(edits, reverse=True):
             text = text[:start] + new + text[end:]
-        return Document(text, self.origin)
+        return text
 
 
 def dotted(location: Location, data: Any) -> str:

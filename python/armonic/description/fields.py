@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
-from typing import Annotated, Final
+from typing import Annotated, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import PlainValidator
 
 from armonic.description.document import Location
-from armonic.description.units import Dimension, number, shown
+from armonic.description.units import LARGEST, Dimension, number, shown
 from armonic.errors import ArmonicError, RobotFileError
 
 Vector3 = tuple[float, float, float]
@@ -58,9 +58,52 @@ def measured(value: object, dimension: Dimension | None, at: Location = ()) -> f
         raise FieldError(Found(error.found), error.expected, error.hint, at) from None
 
 
-def measure(dimension: Dimension) -> PlainValidator:
-    """Validates one number of a dimension."""
+class InUnit(NamedTuple):
+    """A raw value with the dimension that its coordinate gives it."""
+
+    raw: object
+    dimension: Dimension | None
+
+
+def in_unit(value: object, at: Location = ()) -> float:
+    """The number of a raw value, by the dimension that comes with it."""
+    given, dimension = value if isinstance(value, InUnit) else (value, None)
+    return measured(given, dimension, at)
+
+
+def raw(value: object) -> object:
+    """A value as the file has it."""
+    return value.raw if isinstance(value, InUnit) else value
+
+
+def measure(dimension: Dimension | None) -> PlainValidator:
+    """Validates one number of a dimension; a pure number if it is None."""
     return PlainValidator(lambda value: measured(value, dimension))
+
+
+def not_negative(dimension: Dimension, expected: str = "a number, 0 or larger") -> PlainValidator:
+    """Validates one number of a dimension that is zero or larger."""
+
+    def read(value: object) -> float:
+        result = measured(value, dimension)
+        if result < 0.0:
+            raise FieldError(value, expected)
+        return result
+
+    return PlainValidator(read)
+
+
+def positive(dimension: Dimension | None) -> PlainValidator:
+    """Validates one number of a dimension (a pure number if it is None) that is larger than zero."""
+
+    def read(value: object) -> float:
+        result = measured(value, dimension)
+        # A smaller one is a mistake, and its reciprocal or square would leave the range of a float.
+        if not result * LARGEST >= 1.0:
+            raise FieldError(value, "a positive number" if result <= 0.0 else f"at least {1 / LARGEST:g}")
+        return result
+
+    return PlainValidator(read)
 
 
 def vector(dimension: Dimension) -> PlainValidator:

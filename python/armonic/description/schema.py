@@ -1,77 +1,44 @@
-"""The robot file's schema: links, joints, springs, frames, postures and bushings, each checked by itself."""
+"""The robot file's schema: links, joints, springs, frames, tool, postures and bushings, each checked by itself."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, Final, Literal, NamedTuple
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    ValidationInfo,
-    WrapValidator,
-    field_validator,
-    model_validator,
-)
+from pydantic import Field, PlainValidator, ValidationInfo, WrapValidator, field_validator, model_validator
 
-from armonic.description.document import Location
+from armonic.description.actuation import ControlEntry, Drive, with_dimension
 from armonic.description.fields import (
-    DIRECTIONS,
     MOVES,
     TURNS,
     Axis,
     FieldError,
     Found,
+    InUnit,
     Matrix6,
     Name,
     Text,
     Vector3,
     Version,
+    in_unit,
     matrix6,
-    measure,
-    measured,
+    raw,
     vector,
+)
+from armonic.description.parts import (
+    DenavitHartenberg,
+    InertiaTensor,
+    Mass,
+    Motion,
+    Part,
+    Position,
+    refuse_massless_inertia,
 )
 from armonic.description.units import Dimension, shown
 
-Length = Annotated[float, measure("length")]
-Angle = Annotated[float, measure("angle")]
-Inertia = Annotated[float, measure("inertia")]
-Position = Annotated[Vector3, vector("length")]
 
-
-class _Part(BaseModel):
-    """A mapping of the file: unknown keys are refused, values cannot be changed."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-    what: ClassVar[str] = "a mapping"
-
-
-class Motion(_Part):
-    """One elementary motion: a displacement (x, y, z together) or a rotation about one axis."""
-
-    what = "a motion such as {x: 350 mm} or {rx: 90 deg}"
-
-    x: Length | None = None
-    y: Length | None = None
-    z: Length | None = None
-    rx: Angle | None = None
-    ry: Angle | None = None
-    rz: Angle | None = None
-
-    @model_validator(mode="after")
-    def _is_elementary(self) -> Motion:
-        given = [key for key in DIRECTIONS if getattr(self, key) is not None]
-        if not given or (len(given) > 1 and any(key in ("rx", "ry", "rz") for key in given)):
-            hint = "Motions are applied left to right: give each rotation its own entry."
-            found = Found(f"the keys {', '.join(given)}" if given else "no key")
-            raise FieldError(found, "any of x, y, z, or one of rx, ry, rz", hint)
-        return self
-
-
-class Joint(_Part):
+class Joint(Part):
     """What moves a link against its parent, about or along an axis of the joint frame."""
 
     what = "a joint such as {type: revolute, axis: z}"
@@ -100,7 +67,7 @@ class Joint(_Part):
         return "revolute" if turns else "prismatic"
 
 
-class Spring(_Part):
+class Spring(Part):
     """The spring and damper of one coordinate, in SI, with the bounds of a fit."""
 
     what = "a mapping with `stiffness`, or the word free"
@@ -113,41 +80,25 @@ class Spring(_Part):
     @field_validator("stiffness", "damping", mode="plain")
     @classmethod
     def _value(cls, value: object, info: ValidationInfo) -> float:
-        result = _in_unit(value)
+        result = in_unit(value)
         if result < 0.0 or (result == 0.0 and info.field_name == "stiffness"):
             expected = "a positive number" if info.field_name == "stiffness" else "a number, 0 or larger"
-            raise FieldError(_raw(value), expected)
+            raise FieldError(raw(value), expected)
         return result
 
     @field_validator("stiffness_bounds", "damping_bounds", mode="plain")
     @classmethod
     def _bounds(cls, value: object, info: ValidationInfo) -> tuple[float, float]:
-        raw, dimension = value if isinstance(value, _InUnit) else (value, None)
-        if not isinstance(raw, list | tuple) or len(raw) != 2:
-            raise FieldError(raw, "a list [lowest, highest]")
-        low, high = (_in_unit(_InUnit(v, dimension), (i,)) for i, v in enumerate(raw))
+        pair, dimension = value if isinstance(value, InUnit) else (value, None)
+        if not isinstance(pair, list | tuple) or len(pair) != 2:
+            raise FieldError(pair, "a list [lowest, highest]")
+        low, high = (in_unit(InUnit(v, dimension), (i,)) for i, v in enumerate(pair))
         if not 0.0 < low < high:
             raise FieldError(Found(f"[{low:g}, {high:g}]"), "two positive numbers, the smaller one first")
         inside = info.data.get(str(info.field_name).removesuffix("_bounds"))
         if inside is not None and not low <= inside <= high:
             raise FieldError(Found(f"[{low:g}, {high:g}]"), f"bounds that contain the value {inside:g}")
         return low, high
-
-
-class _InUnit(NamedTuple):
-    """A raw value of a spring with the dimension that its coordinate gives it."""
-
-    raw: object
-    dimension: Dimension | None
-
-
-def _in_unit(value: object, at: Location = ()) -> float:
-    raw, dimension = value if isinstance(value, _InUnit) else (value, None)
-    return measured(raw, dimension, at)
-
-
-def _raw(value: object) -> object:
-    return value.raw if isinstance(value, _InUnit) else value
 
 
 def _spring(value: object, handler: Callable[[object], Spring]) -> Spring | None:
@@ -160,25 +111,8 @@ def _spring(value: object, handler: Callable[[object], Spring]) -> Spring | None
     return handler(value)
 
 
-class InertiaTensor(_Part):
-    """Tensor entries about the centre of mass in the link frame (the URDF sign: xy = -∫xy dm), kg m²."""
-
-    what = "a mapping with xx, yy, zz, xy, xz, yz"
-
-    xx: Inertia = 0.0
-    yy: Inertia = 0.0
-    zz: Inertia = 0.0
-    xy: Inertia = 0.0
-    xz: Inertia = 0.0
-    yz: Inertia = 0.0
-
-    def matrix(self) -> tuple[Vector3, Vector3, Vector3]:
-        """The 3x3 tensor."""
-        return (self.xx, self.xy, self.xz), (self.xy, self.yy, self.yz), (self.xz, self.yz, self.zz)
-
-
 class Coordinate(NamedTuple):
-    """One coordinate of a joint: its key, what it does, and its spring (None where locked or free)."""
+    """One coordinate of a joint: its key, what it does, its spring (None if locked, free or driven)."""
 
     key: str
     kind: Literal["revolute", "prismatic"]
@@ -187,7 +121,7 @@ class Coordinate(NamedTuple):
     flexible: bool
 
 
-class Link(_Part):
+class Link(Part):
     """A rigid body with the joint that carries it."""
 
     what = "a link: a mapping with name, parent and joint"
@@ -195,17 +129,39 @@ class Link(_Part):
     name: Name
     parent: Name
     placement: tuple[Motion, ...] = ()
+    dh: DenavitHartenberg | None = None
     joint: Joint
     elasticity: dict[str, Annotated[Spring | None, WrapValidator(_spring)]] = Field(default_factory=dict)
-    mass: Annotated[float, measure("mass")] = 0.0
+    drive: Drive | None = None
+    mass: Mass = 0.0
     com: Position = (0.0, 0.0, 0.0)
     inertia: InertiaTensor = InertiaTensor()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _dh_turns_about_z(cls, value: object) -> object:
+        """A Denavit-Hartenberg link has the joint axis z, which need not be said."""
+        if not isinstance(value, dict) or "dh" not in value:
+            return value
+        joint = value.get("joint")
+        if isinstance(joint, dict) and "axis" not in joint and joint.get("type") in ("revolute", "prismatic"):
+            return {**value, "joint": {**joint, "axis": "z"}}
+        return value
 
     @field_validator("name", mode="after")
     @classmethod
     def _is_not_base(cls, value: str) -> str:
         if value == "base":
             raise FieldError(value, "another name", "`base` is the ground that the first link stands on.")
+        return value
+
+    @field_validator("dh", "drive", mode="before")
+    @classmethod
+    def _is_a_mapping(cls, value: object, info: ValidationInfo) -> object:
+        # None stands for a key that is left out, but a key without a value is a slip.
+        if value is None:
+            part: type[Part] = DenavitHartenberg if info.field_name == "dh" else Drive
+            raise FieldError(value, part.what)
         return value
 
     @field_validator("elasticity", mode="before")
@@ -219,19 +175,44 @@ class Link(_Part):
             return {}  # the joint's own error is told; what its springs measure is unknown
         return {key: _error_of_key(key, joint) or _with_dimension(key, spring, joint) for key, spring in value.items()}
 
-    @field_validator("mass", mode="after")
+    @field_validator("drive", mode="before")
     @classmethod
-    def _is_not_negative(cls, value: float) -> float:
-        if value < 0.0:
-            raise FieldError(value, "a mass, 0 or larger")
-        return value
+    def _drives_joint(cls, value: object, info: ValidationInfo) -> object:
+        joint = info.data.get("joint")
+        if not isinstance(value, dict) or not isinstance(joint, Joint):
+            return value
+        if joint.own is None:
+            raise FieldError(Found("a drive on a fixed joint"), "no drive, or a joint that moves")
+        if joint.type == "revolute" and "radius" in value:
+            hint = "Motor and joint turn by the same angle after the gear."
+            raise FieldError(Found("a radius on a revolute joint"), "no radius", hint, ("radius",))
+        if joint.type == "prismatic" and "radius" not in value:
+            expected = "the key radius: the travel for one radian after the gear"
+            raise FieldError(Found("no radius"), expected)
+        return with_dimension(value, turns=joint.type == "revolute")
 
     @model_validator(mode="after")
-    def _has_mass_if_inertia(self) -> Link:
-        if self.mass == 0.0 and any(any(row) for row in self.inertia.matrix()):
-            found = Found("an inertia without a mass")
-            raise FieldError(found, "a positive mass, or no inertia", at=("inertia",))
+    def _parts_fit(self) -> Link:
+        refuse_massless_inertia(self.mass, self.inertia)
+        if self.dh is not None and "placement" in self.model_fields_set:
+            raise FieldError(Found("a placement beside dh"), "one of them", at=("placement",))
+        if self.dh is not None and self.joint.axis not in (None, "z"):
+            raise FieldError(self.joint.axis, "the axis z, as dh has it", at=("joint", "axis"))
+        own = self.joint.own
+        if self.drive is not None and own in self.elasticity:
+            hint = "The drive's shaft is the spring of the joint's own coordinate."
+            raise FieldError(Found("elasticity of the driven coordinate"), "no such key", hint, ("elasticity", own))
         return self
+
+    @property
+    def before(self) -> tuple[Motion, ...]:
+        """The motions from the parent's frame to the joint's."""
+        return self.placement if self.dh is None else self.dh.before
+
+    @property
+    def after(self) -> tuple[Motion, ...]:
+        """The motions from the joint's frame after its motion to the link's."""
+        return () if self.dh is None else self.dh.after
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
@@ -243,7 +224,8 @@ class Link(_Part):
             axis = self.joint.axis if key == "joint" else {**TURNS, **MOVES}[key]
             assert isinstance(axis, tuple)
             spring = self.elasticity.get(key)
-            result.append(Coordinate(key, self.joint.kind(key), axis, spring, key in self.elasticity))
+            flexible = key in self.elasticity or (key == own and self.drive is not None)
+            result.append(Coordinate(key, self.joint.kind(key), axis, spring, flexible))
         return tuple(result)
 
 
@@ -268,12 +250,10 @@ def _with_dimension(key: str, spring: object, joint: Joint) -> object:
     turns = joint.kind(key) == "revolute"
     stiffness: Dimension = "rotational stiffness" if turns else "translational stiffness"
     damping: Dimension = "rotational damping" if turns else "translational damping"
-    return {
-        name: _InUnit(value, damping if name.startswith("damping") else stiffness) for name, value in spring.items()
-    }
+    return {name: InUnit(value, damping if name.startswith("damping") else stiffness) for name, value in spring.items()}
 
 
-class Frame(_Part):
+class Frame(Part):
     """A named frame fixed to a link, where sensors sit and wrenches act."""
 
     what = "a frame: a mapping with name, link and placement"
@@ -283,7 +263,7 @@ class Frame(_Part):
     placement: tuple[Motion, ...] = ()
 
 
-class BushingEntry(_Part):
+class BushingEntry(Part):
     """A 6x6 spring-damper between two frames, in the axes of the first."""
 
     what = "a bushing: a mapping with name, between and stiffness"
@@ -317,7 +297,51 @@ class BushingEntry(_Part):
         return value
 
 
-class RobotDescription(_Part):
+class Tool(Part):
+    """A body fixed to a frame, in the axes of that frame; its inertia is about its centre of mass."""
+
+    what = "a tool: a mapping with frame and mass"
+
+    frame: Name
+    mass: Mass = 0.0
+    com: Position = (0.0, 0.0, 0.0)
+    inertia: InertiaTensor = InertiaTensor()
+
+    @model_validator(mode="after")
+    def _has_mass_if_inertia(self) -> Tool:
+        refuse_massless_inertia(self.mass, self.inertia)
+        return self
+
+
+MAX_POINTS: Final = 1_000_000
+
+
+def _points(value: object) -> int:
+    if type(value) is not int or not 2 <= value <= MAX_POINTS:
+        raise FieldError(value, f"a whole number from 2 to {MAX_POINTS}")
+    return value
+
+
+class PathEntry(Part):
+    """Postures evenly spaced along straight stretches between waypoints, both ends included."""
+
+    what = "a path: a mapping with through and points"
+
+    through: tuple[Any, ...]
+    points: Annotated[int, PlainValidator(_points)] = 50
+
+    @field_validator("through", mode="after")
+    @classmethod
+    def _leads_somewhere(cls, value: tuple[Any, ...]) -> tuple[Any, ...]:
+        if len(value) < 2:
+            raise FieldError(value, "at least two waypoints: names of postures, or lists of joint values")
+        for i, waypoint in enumerate(value):
+            if not isinstance(waypoint, str | list | tuple):
+                raise FieldError(waypoint, "the name of a posture or a list of joint coordinates", at=(i,))
+        return value
+
+
+class RobotDescription(Part):
     """A whole robot file, each entry checked by itself; `reading` checks the names against each other."""
 
     what = "a robot description that starts with `armonic: 1`"
@@ -326,10 +350,29 @@ class RobotDescription(_Part):
     name: Text
     source: Text | None = None
     gravity: Annotated[Vector3, vector("acceleration")] = (0.0, 0.0, -9.81)
+    urdf: Text | None = None
+    joints: dict[str, Any] = Field(default_factory=dict)
     links: tuple[Link, ...]
     frames: tuple[Frame, ...] = ()
     postures: dict[Name, tuple[Any, ...]] = Field(default_factory=dict)
+    paths: dict[Name, PathEntry] = Field(default_factory=dict)
     bushings: tuple[BushingEntry, ...] = ()
+    tool: Tool | None = None
+    control: ControlEntry | None = None
+
+    @field_validator("tool", "control", mode="before")
+    @classmethod
+    def _is_a_mapping(cls, value: object, info: ValidationInfo) -> object:
+        if value is None:
+            part: type[Part] = Tool if info.field_name == "tool" else ControlEntry
+            raise FieldError(value, part.what)
+        return value
+
+    @field_validator("joints", mode="before")
+    @classmethod
+    def _belongs_to_a_urdf(cls, value: object) -> object:
+        # Beside a URDF they have gone into the links before the data come here.
+        raise FieldError(Found("joints without a urdf"), "links, or the key urdf")
 
     @field_validator("links", mode="before")
     @classmethod

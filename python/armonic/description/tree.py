@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armonic.description.reading import joint_values, links_in_order, moving_links
-from armonic.description.schema import Coordinate, Link, Motion, RobotDescription
-
-Array = NDArray[np.float64]
+from armonic.description.drives import Array, Control, Drives, compile_control, compile_drives, frozen
+from armonic.description.names import joint_values, links_in_order, moving_links
+from armonic.description.parts import Motion
+from armonic.description.paths import Paths, spread
+from armonic.description.schema import Coordinate, Link, RobotDescription, Tool
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,7 @@ class Tree:
         kinds: "fixed", "revolute" or "prismatic"; each node that moves is one coordinate.
         axes: (N, 3) unit axis of the motion in the node's frame; zero for fixed nodes.
         masses: (N,) kg; a link's inertia sits on the last node of its joint.
-        coms: (N, 3) m, centre of mass in the node's frame.
+        coms: (N, 3) m, centre of mass in the node's frame; the tool is part of the body that carries it.
         inertias: (N, 3, 3) kg m², tensor about the centre of mass in the node's frame.
         frames: "base", every link, every frame of the file.
         frame_nodes: the node each frame is fixed to, -1 for the base.
@@ -56,10 +58,13 @@ class Tree:
         joint_coordinates: the joints' own among them.
         joint_indices: their indices.
         flexible: (n,) whether a linear model keeps the coordinate.
-        stiffness: (n,) N m/rad or N/m; 0 where locked or free.
-        damping: (n,) N m s/rad or N s/m; 0 where locked or free.
+        stiffness: (n,) N m/rad or N/m, of the elasticity; 0 where locked, free or driven.
+        damping: (n,) N m s/rad or N s/m, likewise.
         postures: (n,) values by name, virtual coordinates zero.
+        paths: (P, n) postures by name, computed at first use.
         bushings: the bushings of the file.
+        drives: the motors, if any.
+        control: their gains.
     """
 
     parents: tuple[int, ...]
@@ -79,7 +84,10 @@ class Tree:
     stiffness: Array
     damping: Array
     postures: dict[str, Array]
+    paths: Mapping[str, Array]
     bushings: tuple[Bushing, ...]
+    drives: Drives
+    control: Control
 
 
 def compile_tree(description: RobotDescription) -> Tree:
@@ -94,10 +102,12 @@ def compile_tree(description: RobotDescription) -> Tree:
     nodes: list[tuple[int, Array, Coordinate | None, Link | None]] = []
     coordinates: list[tuple[str, Coordinate]] = []
     own: list[int] = []
-    last = {"base": -1}
+    # The last node of a link's joint, and where the link's frame lies in it: the tree has no nodes for Tx(a) Rx(alpha).
+    last = {"base": (-1, np.eye(4))}
     links = links_in_order(description)
     for link in links:
-        parent, start = last[link.parent], placement(link.placement)
+        parent, start = last[link.parent]
+        start = start @ placement(link.before)
         chain: tuple[Coordinate | None, ...] = link.coordinates or (None,)
         for i, coordinate in enumerate(chain):
             nodes.append((parent, start, coordinate, link if i == len(chain) - 1 else None))
@@ -106,37 +116,46 @@ def compile_tree(description: RobotDescription) -> Tree:
                 if coordinate.key == link.joint.own:
                     own.append(len(coordinates))
                 coordinates.append((f"{link.name}.{coordinate.key}", coordinate))
-        last[link.name] = parent
+        last[link.name] = parent, placement(link.after)
 
-    frames = [("base", -1, np.eye(4))]
-    frames += [(link.name, last[link.name], np.eye(4)) for link in links]
-    frames += [(frame.name, last[frame.link], placement(frame.placement)) for frame in description.frames]
+    frames = [(name, *place) for name, place in last.items()]
+    for frame in description.frames:
+        node, start = last[frame.link]
+        frames.append((frame.name, node, start @ placement(frame.placement)))
     names = tuple(name for name, _ in coordinates)
     springs = [(c.spring.stiffness, c.spring.damping) if c.spring else (0.0, 0.0) for _, c in coordinates]
     values = np.array(springs).reshape(-1, 2)
     flexible = np.array([c.flexible for _, c in coordinates], dtype=np.bool_)
     flexible.setflags(write=False)
-    bodies = [link for _, _, _, link in nodes]
-    postures = {name: _spread(posture, own, len(names)) for name, posture in description.postures.items()}
+    bodies = [_MASSLESS if link is None else _body(link, last[link.name][1]) for _, _, _, link in nodes]
+    if description.tool is not None:
+        carrier, start = next((node, start) for name, node, start in frames if name == description.tool.frame)
+        bodies[carrier] = _joined(bodies[carrier], _body(description.tool, start))
+    masses, coms, inertias = zip(*bodies, strict=True)
+    postures = {name: spread(posture, own, len(names)) for name, posture in description.postures.items()}
+    drives = compile_drives(links, names)
     return Tree(
         parents=tuple(parent for parent, _, _, _ in nodes),
-        placements=_frozen([start for _, start, _, _ in nodes]),
+        placements=frozen([start for _, start, _, _ in nodes]),
         kinds=tuple("fixed" if c is None else c.kind for _, _, c, _ in nodes),
-        axes=_frozen([(0.0, 0.0, 0.0) if c is None else c.axis for _, _, c, _ in nodes]),
-        masses=_frozen([0.0 if body is None else body.mass for body in bodies]),
-        coms=_frozen([(0.0, 0.0, 0.0) if body is None else body.com for body in bodies]),
-        inertias=_frozen([np.zeros((3, 3)) if body is None else body.inertia.matrix() for body in bodies]),
+        axes=frozen([(0.0, 0.0, 0.0) if c is None else c.axis for _, _, c, _ in nodes]),
+        masses=frozen(masses),
+        coms=frozen(coms),
+        inertias=frozen(inertias),
         frames=tuple(name for name, _, _ in frames),
         frame_nodes=tuple(node for _, node, _ in frames),
-        frame_placements=_frozen([start for _, _, start in frames]),
+        frame_placements=frozen([start for _, _, start in frames]),
         coordinates=names,
         joint_coordinates=tuple(names[i] for i in own),
         joint_indices=tuple(own),
         flexible=flexible,
-        stiffness=_frozen(values[:, 0]),
-        damping=_frozen(values[:, 1]),
+        stiffness=frozen(values[:, 0]),
+        damping=frozen(values[:, 1]),
         postures=postures,
+        paths=Paths(description.paths, postures, own, len(names)),
         bushings=_bushings(description, postures, own, len(names)),
+        drives=drives,
+        control=compile_control(description.control, len(drives.names)),
     )
 
 
@@ -157,6 +176,33 @@ def placement(motions: Iterable[Motion]) -> Array:
     return T
 
 
+_Body = tuple[float, Array, Array]
+_MASSLESS: Final[_Body] = (0.0, np.zeros(3), np.zeros((3, 3)))
+
+
+def _body(part: Link | Tool, place: Array) -> _Body:
+    """Mass, centre of mass and tensor about it in the axes of a node, of a part whose frame lies at `place` in it."""
+    com, tensor = np.array(part.com), np.array(part.inertia.matrix())
+    turn, origin = place[:3, :3], place[:3, 3]
+    if np.array_equal(turn, np.eye(3)):
+        return part.mass, com + origin, tensor
+    tensor = turn @ tensor @ turn.T
+    return part.mass, turn @ com + origin, (tensor + tensor.T) / 2
+
+
+def _joined(one: _Body, other: _Body) -> _Body:
+    """Two bodies as one, by the parallel axis theorem."""
+    if other[0] == 0.0:
+        return one
+    mass = one[0] + other[0]
+    com = (one[0] * one[1] + other[0] * other[1]) / mass
+    tensor = one[2] + other[2]
+    for part, centre, _ in (one, other):
+        arm = centre - com
+        tensor = tensor + part * ((arm @ arm) * np.eye(3) - np.outer(arm, arm))
+    return mass, com, tensor
+
+
 def _bushings(description: RobotDescription, postures: dict[str, Array], own: list[int], n: int) -> tuple[Bushing, ...]:
     moving = moving_links(description)
     result = []
@@ -165,30 +211,15 @@ def _bushings(description: RobotDescription, postures: dict[str, Array], own: li
         if isinstance(entry.rest, str):
             rest = postures[entry.rest]
         elif entry.rest is not None:
-            rest = _spread(joint_values(entry.rest, moving), own, n)
+            rest = spread(joint_values(entry.rest, moving), own, n)
         result.append(
             Bushing(
                 name=entry.name,
                 frame_a=entry.between[0],
                 frame_b=entry.between[1],
-                stiffness=_frozen(entry.stiffness),
-                damping=_frozen(entry.damping),
+                stiffness=frozen(entry.stiffness),
+                damping=frozen(entry.damping),
                 rest=rest,
             )
         )
     return tuple(result)
-
-
-def _spread(values: Iterable[float], indices: list[int], n: int) -> Array:
-    q = np.zeros(n)
-    q[indices] = list(values)
-    return _read_only(q)
-
-
-def _frozen(values: object) -> Array:
-    return _read_only(np.array(values, dtype=np.float64))
-
-
-def _read_only(array: Array) -> Array:
-    array.setflags(write=False)
-    return array

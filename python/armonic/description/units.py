@@ -17,6 +17,7 @@ Dimension = Literal[
     "rotational stiffness",
     "translational stiffness",
     "coupling stiffness",
+    "integral gain",
     "rotational damping",
     "translational damping",
     "coupling damping",
@@ -52,6 +53,7 @@ UNITS: Final[dict[Dimension, dict[str, float]]] = {
     },
     # Off-diagonal blocks of a 6x6 spring: a force for a rotation, which is a torque for a displacement.
     "coupling stiffness": {"N/rad": 1.0, "kN/rad": 1e3, "N": 1.0, "kN": 1e3},
+    "integral gain": {"N m/(rad s)": 1.0, "kN m/(rad s)": 1e3},
     "rotational damping": {"N m s/rad": 1.0, "kN m s/rad": 1e3, "N mm s/rad": 1e-3},
     "translational damping": {"N s/m": 1.0, "N s/mm": 1e3, "kN s/m": 1e3, "kN s/mm": 1e6},
     "coupling damping": {"N s/rad": 1.0, "kN s/rad": 1e3, "N s": 1.0, "kN s": 1e3},

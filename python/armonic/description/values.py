@@ -1,126 +1,29 @@
-"""The numbers of a robot file that a fit may change: their paths, units and bounds, and writing them back."""
+"""Numbers written into the text of a robot file, with all else in it left as it was."""
 
 from __future__ import annotations
 
-import copy
 import re
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from decimal import Decimal
-from fnmatch import fnmatchcase
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
 from armonic.description.document import Document, Location, Node
-from armonic.description.fields import DIRECTIONS
-from armonic.description.reading import did_you_mean
-from armonic.description.schema import BushingEntry, Link, RobotDescription
+from armonic.description.numbers import Number, unknown_path
 from armonic.description.units import Dimension, number
 from armonic.errors import RobotFileError, UpdateError
 
-GROUPS: Final = ("elasticity", "stiffness", "damping")
-"""Words that stand for many parameters: all, and those of one kind."""
+_AFTER = {"damping": "stiffness", "gravity": "name"}
+"""Behind which other key a key is added; others go last."""
 
 
-@dataclass(frozen=True)
-class Parameter:
-    """One stiffness or damping of a robot file.
-
-    Attributes:
-        path: "links.arm.elasticity.z.stiffness" or "bushings.cable.damping.rx".
-        value: in SI.
-        dimension: what it measures.
-        bounds: lowest and highest value, if the file gives them.
-        at: where the number stands, or would stand, in the file.
-    """
-
-    path: str
-    value: float
-    dimension: Dimension
-    bounds: tuple[float, float] | None
-    at: Location
-
-
-def list_parameters(description: RobotDescription, data: Any) -> dict[str, Parameter]:
-    """Every stiffness and damping of the file by its path: links first, then bushings, in the file's order.
-
-    A bushing has a parameter for each direction in which it acts; of a 6x6 matrix, the diagonal.
-
-    Args:
-        description: the checked description.
-        data: the plain data it was read from.
-
-    Returns:
-        The parameters.
-    """
-    found = [p for i, link in enumerate(description.links) for p in _of_link(i, link)]
-    for i, bushing in enumerate(description.bushings):
-        found += _of_bushing(i, bushing, data["bushings"][i])
-    return {parameter.path: parameter for parameter in found}
-
-
-def select(parameters: Mapping[str, Parameter], pattern: str | Iterable[str]) -> list[str]:
-    """The paths that match a pattern, in the order of the parameters.
-
-    Args:
-        parameters: all there are, by path.
-        pattern: a path, a shell pattern, one of `GROUPS`, or several, separated by commas or in a list.
-
-    Returns:
-        The matching paths, each once.
-
-    Raises:
-        UpdateError: a pattern matches nothing.
-    """
-    patterns = pattern.split(",") if isinstance(pattern, str) else list(pattern)
-    chosen: set[str] = set()
-    for one in (p.strip() for p in patterns):
-        matches = [path for path, parameter in parameters.items() if _matches(parameter, one)]
-        if not matches:
-            raise unknown_path(one, parameters)
-        chosen.update(matches)
-    if not chosen:
-        raise UpdateError("parameters", found="no pattern", expected="at least one pattern or path")
-    return [path for path in parameters if path in chosen]
-
-
-def _matches(parameter: Parameter, pattern: str) -> bool:
-    if pattern in GROUPS:
-        return pattern == "elasticity" or parameter.dimension.endswith(pattern)
-    return fnmatchcase(parameter.path, pattern)
-
-
-def unknown_path(path: str, known: Iterable[str]) -> UpdateError:
-    """The error for a path or pattern that is no parameter of the robot."""
-    names = list(known)
-    hint = _in_full(path, names) or did_you_mean(path, names)
-    if hint is None:
-        hint = f"The first of {len(names)} is {names[0]}." if names else "The robot has no elasticity yet."
-    return UpdateError("parameters", found=repr(path), expected="the path of a stiffness or damping", hint=hint)
-
-
-def _in_full(short: str, paths: Iterable[str]) -> str | None:
-    """A hint for a path with parts left out, such as "arm.z": the paths that have them all, as one pattern."""
-
-    def has_all(path: str) -> bool:
-        parts = iter(path.split("."))
-        return all(any(fnmatchcase(part, word) for part in parts) for word in short.split("."))
-
-    found = [path.split(".") for path in paths if has_all(path)]
-    if not found:
-        return None
-    alike = [parts for parts in found if len(parts) == len(found[0])]
-    pattern = (column[0] if len(set(column)) == 1 else "*" for column in zip(*alike, strict=True))
-    return f"Did you mean {'.'.join(pattern)}?"
-
-
-def write(document: Document, parameters: Mapping[str, Parameter], values: Mapping[str, float | str]) -> Document:
+def write(document: Document, numbers: Mapping[str, Number], values: Mapping[str, float | str]) -> Document:
     """A new document with other numbers; numbers that stay equal keep their text, and so does all the rest.
 
     Args:
-        document: the text the parameters were read from.
-        parameters: all parameters of the robot.
+        document: the text the numbers were read from.
+        numbers: all numbers of the robot.
         values: new values by path, in SI or as a text with a unit.
 
     Returns:
@@ -130,41 +33,45 @@ def write(document: Document, parameters: Mapping[str, Parameter], values: Mappi
         UpdateError: a path is unknown or a value is not a finite number.
         RobotFileError: the file is written in a way that leaves no place for a number that it lacks.
     """
-    expected = copy.deepcopy(document.data)
-    edits: list[tuple[int, int, str]] = []
-    missing: dict[Location, dict[str | int, float]] = {}
+    data = document.data
+    changed: dict[Location, float] = {}
+    missing: dict[Location, None] = {}
     for path, given in values.items():
-        if path not in parameters:
-            raise unknown_path(path, parameters)
-        parameter = parameters[path]
-        value = _new_value(path, given, parameter.dimension)
-        if value == parameter.value:
-            continue
-        place = _existing(document, parameter.at)
-        if place is not None:
+        if path not in numbers:
+            raise unknown_path(path, numbers)
+        value = _new_value(path, given, numbers[path].dimension)
+        for part in numbers[path].parts or (numbers[path],):
+            if value == part.value and part.at not in changed:
+                continue
+            data = _put(data, part.at, value, part.template)
+            changed[part.at] = value
+    edits: list[tuple[int, int, str]] = []
+    for at, value in changed.items():
+        known = _known(document.data, at)
+        if known == at:
+            place = document.node(at)
             edits.append((place.start, place.end, written(value)))
-            _put(expected, parameter.at, value)
-        elif parameter.at[0] == "links":
-            missing.setdefault(parameter.at, {})["value"] = value
         else:
-            missing.setdefault(parameter.at[:-1], {})[parameter.at[-1]] = value
-    for at, entries in missing.items():
-        data: float | list[float]
-        if "value" in entries:
-            data = entries["value"]
-            text = written(data)
-        else:
-            data = [entries.get(i, 0.0) for i in range(len(DIRECTIONS))]
-            text = f"[{', '.join(written(entry) for entry in data)}]"
-        edits.append(_insertion(document, at, text))
-        _put(expected, at, data)
+            missing[at[: len(known) + 1]] = None
+    by_mapping: dict[Location, list[str]] = {}
+    for at in missing:
+        by_mapping.setdefault(at[:-1], []).append(str(at[-1]))
+    for mapping, keys in by_mapping.items():
+        edits += _additions(document, document.node(mapping), {key: _at(data, (*mapping, key)) for key in keys})
     if not edits:
         return document
-    result = document.edited(edits)
-    if result.data != expected:
-        where = document.where(next(iter(missing), ()))
-        raise RobotFileError(where, found="an unusual layout", expected="one key per line, or a mapping in braces")
-    return result
+    added = frozenset(missing)
+    if added and added not in document.tried:
+        # Where a number is only replaced, the text cannot come to hold anything else; an added key might.
+        try:
+            fits = document.edited(edits).data == data
+        except RobotFileError:
+            fits = False
+        if not fits:
+            where = document.where(next(iter(missing)))
+            raise RobotFileError(where, found="an unusual layout", expected="one key per line, or a mapping in braces")
+        document.tried.add(added)
+    return document.edited_into(data, edits)
 
 
 def written(value: float) -> str:
@@ -175,36 +82,7 @@ def written(value: float) -> str:
     return f"{mantissa}{'' if '.' in mantissa else '.0'}e{int(exponent)}"
 
 
-def _of_link(i: int, link: Link) -> Iterable[Parameter]:
-    for key, spring in link.elasticity.items():
-        if spring is None:
-            continue
-        turns = link.joint.kind(key) == "revolute"
-        path, at = f"links.{link.name}.elasticity.{key}", ("links", i, "elasticity", key)
-        stiffness: Dimension = "rotational stiffness" if turns else "translational stiffness"
-        damping: Dimension = "rotational damping" if turns else "translational damping"
-        yield Parameter(f"{path}.stiffness", spring.stiffness, stiffness, spring.stiffness_bounds, (*at, "stiffness"))
-        yield Parameter(f"{path}.damping", spring.damping, damping, spring.damping_bounds, (*at, "damping"))
-
-
-def _of_bushing(i: int, bushing: BushingEntry, data: Mapping[str, Any]) -> Iterable[Parameter]:
-    for name, matrix in (("stiffness", bushing.stiffness), ("damping", bushing.damping)):
-        square = any(isinstance(row, list) for row in data.get(name, []))
-        for k, direction in enumerate(DIRECTIONS):
-            acts = matrix[k][k] > 0.0 or (name == "damping" and bushing.stiffness[k][k] > 0.0)
-            if acts:
-                at: Location = ("bushings", i, name, k, k) if square else ("bushings", i, name, k)
-                dimension = _bushing_dimension(name, turns=k >= 3)
-                yield Parameter(f"bushings.{bushing.name}.{name}.{direction}", matrix[k][k], dimension, None, at)
-
-
-def _bushing_dimension(name: str, *, turns: bool) -> Dimension:
-    if name == "stiffness":
-        return "rotational stiffness" if turns else "translational stiffness"
-    return "rotational damping" if turns else "translational damping"
-
-
-def _new_value(path: str, given: object, dimension: Dimension) -> float:
+def _new_value(path: str, given: object, dimension: Dimension | None) -> float:
     if isinstance(given, np.generic):
         given = given.item()
     try:
@@ -213,28 +91,63 @@ def _new_value(path: str, given: object, dimension: Dimension) -> float:
         raise UpdateError(path, found=error.found, expected=error.expected, hint=error.hint) from None
 
 
-def _existing(document: Document, at: Location) -> Node | None:
-    parent = document.node(at[:-1])
-    return parent.items.get(at[-1]) if parent is not document.node(at[:-2]) else None
-
-
-def _put(data: Any, at: Location, value: Any) -> None:
-    for part in at[:-1]:
+def _known(data: Any, at: Location) -> Location:
+    """The part of a location that exists in the data."""
+    for i, part in enumerate(at):
+        if part not in (data if isinstance(data, dict) else range(len(data))):
+            return at[:i]
         data = data[part]
-    data[at[-1]] = value
+    return at
 
 
-def _insertion(document: Document, at: Location, text: str) -> tuple[int, int, str]:
-    """An edit that adds a key behind `stiffness`, in the way the mapping is written."""
-    mapping = document.node(at[:-1])
-    key, value = mapping.keys["stiffness"], mapping.items["stiffness"]
-    entry = f"{at[-1]}: {text}"
+def _at(data: Any, at: Location) -> Any:
+    for part in at:
+        data = data[part]
+    return data
+
+
+def _put(data: Any, at: Location, value: float, template: tuple[float, ...]) -> Any:
+    """The data with another value at a location, copied along the way to it."""
+    if not at:
+        return value
+    copied = data.copy()
+    part: Any = at[0]
+    if isinstance(data, list) or part in data:
+        inner = data[part]
+    else:
+        inner = list(template) if at[1:] and isinstance(at[1], int) else {}
+    copied[part] = _put(inner, at[1:], value, template)
+    return copied
+
+
+def _flow(value: Any) -> str:
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key}: {_flow(entry)}' for key, entry in value.items())}}}"
+    if isinstance(value, list):
+        return f"[{', '.join(_flow(entry) for entry in value)}]"
+    return written(value)
+
+
+def _additions(document: Document, mapping: Node, added: Mapping[str, Any]) -> list[tuple[int, int, str]]:
+    """Edits that add keys to a mapping, in the way it is written."""
+    if not mapping.items:
+        return [(mapping.start + 1, mapping.end - 1, _flow(added)[1:-1])]
+    edits: dict[int, str] = {}
+    for name, value in added.items():
+        entry = f"{name}: {_flow(value)}"
+        start, text = _addition(document, mapping, _AFTER.get(name, ""), entry)
+        edits[start] = edits.get(start, "") + text
+    return [(start, start, text) for start, text in edits.items()]
+
+
+def _addition(document: Document, mapping: Node, behind: str, entry: str) -> tuple[int, str]:
+    if behind not in mapping.items:
+        # A collection in block style has no exact end, so one that is written in a line is preferred.
+        behind = next((name for name in reversed(mapping.keys) if mapping.items[name].flow), next(iter(mapping.keys)))
+    key, value = mapping.keys[behind], mapping.items[behind]
     if mapping.flow:
-        return value.end, value.end, f", {entry}"
+        return value.end, f", {entry}"
     line_break = re.compile(r"\r\n|\r|\n").search(document.text, value.end)
     end = line_break.start() if line_break else len(document.text)
     separator = (line_break.group() if line_break else "\n") + " " * key.column
-    if value.flow:
-        return end, end, f"{separator}{entry}"
-    # A list in block style has no exact end, so the new key goes before it.
-    return key.start, key.start, f"{entry}{separator}"
+    return (end, f"{separator}{entry}") if value.flow else (key.start, f"{entry}{separator}")

@@ -1,15 +1,27 @@
-"""Figures as plotly objects: FRF matrices, MAC matrices, cost history and parameter intervals."""
+"""Figures as plotly objects: FRF and MAC matrices, fits, surveys, mode shapes and robots."""
 
 from armonic.plots.fitting import cost_history, parameter_intervals
 from armonic.plots.look import FONT_STACK, TEMPLATE, VERDICT_COLOURS
+from armonic.plots.maps import campbell, damping_map, frequency_map
 from armonic.plots.matrices import frf_matrix, mac_matrix
+from armonic.plots.samples import sample_map
+from armonic.plots.shapes import mode_shapes
+from armonic.plots.skeleton import skeleton
+from armonic.plots.slices import heat_map
 
 __all__ = [
     "FONT_STACK",
     "TEMPLATE",
     "VERDICT_COLOURS",
+    "campbell",
     "cost_history",
+    "damping_map",
+    "frequency_map",
     "frf_matrix",
+    "heat_map",
     "mac_matrix",
+    "mode_shapes",
     "parameter_intervals",
+    "sample_map",
+    "skeleton",
 ]

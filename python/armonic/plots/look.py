@@ -85,3 +85,21 @@ def log_axis(values: NDArray[np.float64], *, least: float = 0.0) -> dict[str, An
     # Powers of ten are drawn a quarter larger than the size given.
     power = {"exponentformat": "power", "tickfont": {"size": 9, "color": MUTED}}
     return axis | power | {"dtick": max(1, math.ceil((high - low) / 5))}
+
+
+_MODE_COLOURS = (
+    "#0072b2", "#e4572e", "#00805e", "#c98a00", "#a2478a", "#2f9fbd",
+    "#8a5a3c", "#3d4a8f", "#d1628f", "#76941c", "#5c6670", "#a8302b",
+)  # fmt: skip
+
+
+def mode_colour(number: int) -> str:
+    """The colour of a tracked mode by its number from 1, or of a coordinate; twelve, then the first again."""
+    return _MODE_COLOURS[(number - 1) % len(_MODE_COLOURS)]
+
+
+EVENT_MARKERS = {
+    1: {"symbol": "x-thin", "size": 8, "line": {"width": 1.6, "color": INK}},
+    2: {"symbol": "diamond-open", "size": 9, "color": INK, "line": {"width": 1.4}},
+}
+"""How a crossing (1) and a veering (2) of modes are marked."""
