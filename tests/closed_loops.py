@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import numpy as np
@@ -91,6 +92,30 @@ def impedance_form(model: am.LinearModel, s: complex) -> Complex:
     at, z = impedances(robot, s)
     Z[at, at] += z
     return np.asarray(Z)
+
+
+def with_control(robot: am.Robot, **control: Any) -> am.Robot:
+    """The same robot, whose text is JSON, under other gains; those not named stay."""
+    data = json.loads(robot.to_yaml())
+    data["control"] |= control
+    return am.Robot.from_yaml(json.dumps(data))
+
+
+def driven_hinge(
+    *, inertia: float, control: dict[str, Any] | None = None, mass: float = 1.0, com: float = 0.0, **drive: float
+) -> am.Robot:
+    """One link on a driven hinge about y, its mass straight above while the hinge is at zero; inertia about its com."""
+    numbers = {"gear_ratio": 100, "rotor_inertia": 2e-4, "shaft_stiffness": 3e4} | drive
+    link = {
+        "name": "rod",
+        "parent": "base",
+        "joint": {"type": "revolute", "axis": "y"},
+        "drive": numbers,
+        "mass": mass,
+        "com": [0, 0, com],
+        "inertia": {"xx": inertia, "yy": inertia, "zz": inertia},
+    }
+    return robot_of([link], control=control or {})
 
 
 def driven_slide(

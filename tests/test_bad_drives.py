@@ -9,42 +9,8 @@ import pytest
 
 from armonic.errors import RobotFileError
 from armonic.robot import Robot
+from robot_files import DRIVEN as GOOD
 
-GOOD = """\
-armonic: 1
-name: Driven arm
-links:
-  - name: rail
-    parent: base
-    dh: {theta: 90 deg, d: 0.1}
-    joint: {type: prismatic}
-    drive: {gear_ratio: 50, rotor_inertia: 1.0e-4, shaft_stiffness: 2.0e4, joint_damping: 3 N s/m, radius: 57 mm}
-    mass: 10
-  - name: arm
-    parent: rail
-    joint: {type: revolute, axis: y}
-    elasticity: {x: {stiffness: 1.0e6}}
-    drive:
-      gear_ratio: 100
-      rotor_inertia: 2.0e-4
-      shaft_stiffness: 3.0e4
-    mass: 5
-    inertia: {xx: 1, yy: 1, zz: 1}
-  - {name: hand, parent: arm, joint: {type: fixed}, mass: 1}
-frames:
-  - {name: tip, link: hand, placement: [{x: 1}]}
-  - {name: floor, link: base}
-tool: {frame: tip, mass: 2, com: [0, 0, 0.1], inertia: {xx: 1, yy: 1, zz: 1}}
-control:
-  kp: [100, 200]
-  kd: 3
-  state_feedback:
-    position: [[1, 2, 3, 4], [5, 6, 7, 8]]
-postures:
-  home: [0.1, 30 deg]
-paths:
-  way: {through: [home, [0, 0]], points: 5}
-"""
 NO_DRIVES = (
     GOOD[: GOOD.index("    drive: {gear")]
     + GOOD[GOOD.index("    mass: 10") : GOOD.index("    drive:\n")]

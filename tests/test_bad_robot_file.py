@@ -17,7 +17,7 @@ from armonic.description.document import MAX_BYTES, Document
 from armonic.description.units import LARGEST
 from armonic.errors import ArmonicError, RobotFileError
 from armonic.robot import Robot, load
-from robot_files import GOOD, SCHEMA_FAULTS, YAML_FAULTS
+from robot_files import DRIVEN, GOOD, SCHEMA_FAULTS, YAML_FAULTS
 
 
 def refusal(text: str) -> RobotFileError:
@@ -187,7 +187,7 @@ def test_a_folder_is_called_one(tmp_path) -> None:
 
 # --- anything at all ---------------------------------------------------------------------------------
 
-TEXTS = (GOOD, catalog.read("kuka_kr90"))
+TEXTS = (GOOD, DRIVEN, catalog.read("kuka_kr90"))
 ODD = st.one_of(
     st.none(),
     st.booleans(),
@@ -209,6 +209,8 @@ ODD = st.one_of(
             "first",
             "1e-320",
             ".5e-9 kg",
+            "1e-30",
+            "tip",
         ]
     ),
     st.lists(st.floats(allow_nan=False), max_size=6),
@@ -226,14 +228,21 @@ def survives(text: str) -> None:
         assert "\n" not in message
         return
     tree = robot.tree
-    arrays = [tree.placements, tree.axes, tree.masses, tree.coms, tree.inertias, tree.frame_placements]
+    arrays = [tree.placements, tree.axes, tree.masses, tree.coms, tree.frame_placements, *robot.paths.values()]
     arrays += [robot.gravity, robot.stiffness, robot.damping, *robot.postures.values()]
     arrays += [matrix for bushing in robot.bushings for matrix in (bushing.stiffness, bushing.damping)]
     assert all(np.isfinite(array).all() for array in arrays)
     # A path of k motions, each of at most LARGEST, stays far from overflow.
     assert all(abs(array).max(initial=0.0) < 1e5 * LARGEST for array in arrays)
+    products = [tree.inertias, *vars(robot.drives).values(), *vars(robot.control).values()]
+    products = [product for product in products if isinstance(product, np.ndarray)]
+    # Mass times squared distance; squared gear ratio times inertia.
+    assert all(np.isfinite(product).all() and abs(product).max(initial=0.0) < 1e10 * LARGEST**3 for product in products)
+    assert (robot.drives.inertia > 0).all()
+    assert (robot.drives.scale > 0).all()
     assert robot.mechanism.n == len(robot.coordinates)
     assert robot.to_yaml() == text
+    assert robot.with_values(robot.numbers()).to_yaml() == text
 
 
 def places(data: Any, at: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:

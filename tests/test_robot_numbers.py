@@ -17,10 +17,15 @@ from armonic import catalog
 from armonic.description.units import UNITS
 from armonic.errors import RobotFileError, UpdateError
 from armonic.robot import Robot, load
+from robot_files import DRIVEN as GOOD
 from robot_files import MINIMAL, ZOO
-from test_bad_drives import GOOD
 
-SOURCES = {"zoo": ZOO, "driven": GOOD, "scompi": catalog.read("scompi"), "kuka": catalog.read("kuka_kr90")}
+SOURCES = {
+    "zoo": ZOO,
+    "driven": GOOD,
+    "scompi": catalog.read("scompi").replace("mass: 0}", "mass: 4}"),
+    "kuka": catalog.read("kuka_kr90"),
+}
 
 
 def other(path: str, value: float) -> float:

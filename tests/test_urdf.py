@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pickle
+import re
 import shutil
 from pathlib import Path
 
@@ -173,6 +174,15 @@ def test_the_file_gives_springs_frames_and_postures(folder: Path) -> None:
     assert len(am.modes(robot, "bent")) == 3
 
 
+def test_the_example_of_the_docs_is_right() -> None:
+    page = (DATA.parents[1] / "docs" / "robot_file.md").read_text("utf-8")
+    (example,) = re.findall(r"```yaml\n([^`]*urdf: .*?)```", page, flags=re.DOTALL)
+    robot = Robot.from_yaml(example, path=DATA / "example.yaml")
+    assert robot.coordinates[2] == "forearm.y"
+    assert robot.motors == ("wrist_1_link.motor",)
+    np.testing.assert_allclose(robot.postures["reach"], np.radians([0, -90, 90, 0, 0, 0]), rtol=1e-15)
+
+
 def test_postures_may_name_the_joints(folder: Path) -> None:
     by_name = Robot.from_yaml(FILE.replace("[30 deg, 40 deg]", "{elbow: 40 deg}"), path=folder / "arm.yaml")
     np.testing.assert_allclose(by_name.postures["bent"], np.radians([0, 0, 40]), rtol=1e-15)
@@ -297,6 +307,8 @@ def test_a_urdf_that_has_gone_or_changed_is_saved_along(folder: Path, tmp_path_f
         assert (new / name).read_text("utf-8") == FILE
         assert load(new / name).description.links[0].mass == 2
     assert sorted(os.listdir(new)) == ["arm.urdf", "one.yaml", "two.yaml"]  # noqa: PTH208
+    with pytest.raises(DataFileError, match="the URDF that the robot starts from"):
+        robot.save(new / "arm.urdf")
 
 
 def test_a_copy_of_the_urdf_replaces_no_other_file(folder: Path) -> None:
@@ -306,6 +318,15 @@ def test_a_copy_of_the_urdf_replaces_no_other_file(folder: Path) -> None:
         robot.save(folder / "new.yaml")
     assert (folder / "arm.urdf").read_text("utf-8") == other
     assert not (folder / "new.yaml").exists()
+
+
+def test_a_urdf_whose_path_no_text_can_hold_is_told(folder: Path) -> None:
+    odd = folder / "line\nbreak"
+    odd.mkdir()
+    for name in ("arm.yaml", "arm.urdf"):
+        shutil.move(folder / name, odd)
+    with pytest.raises(DataFileError, match="expected a printable path"):
+        load(odd / "arm.yaml").save(folder / "new.yaml")
 
 
 # --- check -------------------------------------------------------------------------------------------

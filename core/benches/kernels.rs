@@ -1,13 +1,16 @@
-//! Speed of the hot kernels on the KUKA KR90 model of Huynh et al. 2021: nine coordinates, 152 lines, 18 parameters.
+//! Speed of the hot kernels: on the KUKA KR90 model of Huynh et al. 2021 with nine coordinates, 152 lines, 18 parameters,
+//! and of following the twelve modes of the robot Scompi of Do et al. 2022.
 //!
 //! Run with `cargo bench -p armonic-core`; `RAYON_NUM_THREADS=1` keeps everything on one thread.
 
 #[path = "../tests/problems/mod.rs"]
 mod problems;
+mod scompi;
 
 use armonic_core::dynamics::{self, Workspace};
 use armonic_core::frf::responses;
-use armonic_core::linearize::{OperatingPoint, Tangent, linearize};
+use armonic_core::linearize::{OperatingPoint, Tangent, at_rest, linearize};
+use armonic_core::modes::{Walk, follow};
 use armonic_core::residual::{Problem, Target};
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::Complex;
@@ -52,5 +55,25 @@ fn kernels(c: &mut Criterion) {
     });
 }
 
-criterion_group!(benches, kernels);
+fn survey(c: &mut Criterion) {
+    const POSTURES: usize = 512;
+    let robot = scompi::scompi();
+    let motion = scompi::motion(POSTURES);
+    let mut ws = Workspace::new(&robot);
+    let (mut mass, mut stiffness) = ([0.0; 36], [0.0; 36]);
+    c.bench_function("mass and stiffness at rest", |b| {
+        b.iter(|| at_rest(&robot, &mut ws, black_box(&motion[0]), &[], &mut mass, &mut stiffness));
+    });
+    let systems = scompi::systems(&robot, &motion);
+    let (poles, shapes) = scompi::modes(&systems);
+    let [mass, damping, stiffness] = &systems;
+    let drives = [scompi::drives()];
+    let walk = Walk { n: scompi::N, mass, damping, stiffness, drives: &drives, springs: &[0.0; scompi::N] };
+    assert_eq!(follow(&walk, &poles, &shapes).unwrap().reached, POSTURES);
+    c.bench_function("twelve modes through 512 postures", |b| {
+        b.iter(|| follow(black_box(&walk), &poles, &shapes).unwrap());
+    });
+}
+
+criterion_group!(benches, kernels, survey);
 criterion_main!(benches);

@@ -102,6 +102,10 @@ class ClosedLoop:
         big_stiffness[m] += self.position
         return big_mass, big_damping, big_stiffness
 
+    def widened(self, rows: Array) -> Array:
+        """Rows over the link coordinates, (r, n), with zeros for the motors, (r, N)."""
+        return np.hstack([rows, np.zeros((len(rows), len(self)))]) if len(self) else rows
+
     def shafts(self) -> Array:
         """Stiffness of the shafts over driven coordinates and motors, [[K W², −K W], [−K W, K]], (2 nm, 2 nm)."""
         k, w = self.drives.shaft_stiffness, self.drives.scale

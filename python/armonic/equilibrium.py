@@ -46,7 +46,9 @@ def desired(robot: Robot, q: Array, load: Load) -> Rest:
     """
     drives, zero = robot.drives, np.zeros_like(q)
     torque = np.zeros(len(drives.names))
-    if torque.size and robot.control.feedforward:
+    if not torque.size:
+        return Rest(q, torque, torque)
+    if robot.control.feedforward:
         forces = robot.mechanism.inverse_dynamics(q, zero, zero, wrenches=load.at(q))
         torque = forces[drives.coordinates] / drives.scale
     return Rest(q, drives.scale * q[drives.coordinates] + torque / drives.shaft_stiffness, torque)
@@ -143,4 +145,4 @@ def _with_drives(
     for i in loop.integrating:
         row = loop.integral[i] * (loop.drives.shaft_stiffness[i] / loop.integral[i].max())
         shaft[n + i], torque[n + i], tangent[n + i] = 0.0, row @ off, row
-    return np.vstack([np.pad(forces, ((0, 0), (0, nm))), shaft, torque]), tangent
+    return np.vstack([loop.widened(forces), shaft, torque]), tangent

@@ -53,7 +53,7 @@ class LinearModel:
         spring: their stiffness, (r,).
         damper: their damping, (r,).
         loop: the drives and their control.
-        motor_position: q_m of the operating point, (nm,), rad behind the gear (Do et al. 2022, Eq. 3).
+        motor_position: q_m of the operating point at rest, (nm,), rad behind the gear (Do et al. 2022, Eq. 3).
         motor_torque: τ_m there, (nm,), N m behind the gear (Eq. 2).
         loaded: bushings that carry load in this posture; part of their stiffness is in `free_stiffness`, since it comes
             from the load.
@@ -117,7 +117,7 @@ class LinearModel:
             PostureError: no such frame.
         """
         rows = self.robot.mechanism.jacobian(self.q, self.robot.frame_index(frame), own_axes=True)
-        return np.pad(rows[:, self.robot.flexible], ((0, 0), (0, len(self.loop))))
+        return self.loop.widened(rows[:, self.robot.flexible])
 
     def with_impedances(self, spring: Array, damper: Array) -> LinearModel:
         """The same posture with other stiffness (r,) and damping (r,) of the impedances."""
@@ -261,7 +261,7 @@ def linearize(
         free_damping=free_damping,
         free_stiffness=free_stiffness,
         impedances=impedances,
-        directions=np.pad(directions, ((0, 0), (0, len(loop)))),
+        directions=loop.widened(directions),
         spring=spring,
         damper=damper,
         loop=loop,

@@ -205,7 +205,7 @@ def _event_rows(summary: MapSummary, places: _Places) -> list[dict[str, str]]:
         return [
             {
                 "name": event.name,
-                "modes": text.listing([str(mode) for mode in event.modes]),
+                "modes": _meeting(event.modes),
                 "freq": text.format_hz(event.freq_hz),
                 "place": places.of(event.at),
             }
@@ -214,12 +214,17 @@ def _event_rows(summary: MapSummary, places: _Places) -> list[dict[str, str]]:
     return [
         {
             "name": pair.name if pair.count == 1 else f"{pair.name}, {pair.count} places",
-            "modes": text.listing([str(mode) for mode in pair.modes]),
+            "modes": _meeting(pair.modes),
             "freq": " to ".join(dict.fromkeys(text.format_hz(f) for f in (pair.low_hz, pair.high_hz))),
             "place": f"first at {places.of(pair.first)}",
         }
         for pair in summary.pairs
     ]
+
+
+def _meeting(modes: tuple[int, ...]) -> str:
+    """Which modes meet; where three do so at once, only one may be marked."""
+    return text.listing([str(mode) for mode in modes]) if len(modes) > 1 else f"{modes[0]} and another"
 
 
 def _totals(summary: MapSummary) -> str:

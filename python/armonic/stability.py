@@ -9,7 +9,7 @@ import numpy as np
 
 from armonic.linear import Equilibrium, LinearModel, model_of
 from armonic.loads import WrenchAxes
-from armonic.modal import STABILITY_TOLERANCE
+from armonic.modal import STABILITY_TOLERANCE, modes
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -77,31 +77,36 @@ def gain_margins(
         ModelError: no positive definite mass matrix, no equilibrium, or every coordinate locked.
     """
     model = model_of(robot, posture, wrench=wrench, frame=frame, wrench_axes=wrench_axes, equilibrium=equilibrium)
-    A, n, loop = model.state_matrix(), len(model.coordinates), model.loop
+    names, n, loop = model.drives.names, len(model.coordinates), model.loop
+    if not names:
+        return ()
+    if modes(model).stability == "unstable":
+        return tuple(GainMargin(motor, np.nan, np.nan, np.nan) for motor in names)
+    A = model.state_matrix()
+    # What seems to grow in a loop that is not unstable is rounding; a rigid body has a double pole, where it is large.
+    found = np.linalg.eigvals(A)
+    share = max(STABILITY_TOLERANCE, 10 * float(found.real.max()) / float(np.abs(found).max()))
     margins = []
-    for i, motor in enumerate(model.drives.names):
+    for i, motor in enumerate(names):
         # The drive's feedback is one row of A, for nothing but the motor's own inertia stands between.
         feedback = np.zeros(len(A))
         feedback[:n], feedback[n : 2 * n] = loop.position[i], loop.velocity[i]
         feedback[2 * n :] = loop.integrating == i
-        margins.append(_margin(motor, A, n + model.links + i, -feedback / model.drives.inertia[i]))
+        margins.append(_margin(motor, A, n + model.links + i, -feedback / model.drives.inertia[i], share))
     return tuple(margins)
 
 
-def _margin(motor: str, A: Array, row: int, feedback: Array) -> GainMargin:
+def _margin(motor: str, A: Array, row: int, feedback: Array, share: float) -> GainMargin:
     """The margin of a loop with state matrix A whose row `row` holds `feedback`."""
-    upper, upper_hz = _limit(A, row, feedback, FACTORS)
-    lower, lower_hz = _limit(A, row, feedback, 1.0 / FACTORS)
-    if np.isnan(upper):
-        return GainMargin(motor, np.nan, np.nan, np.nan)
-    missing = np.isinf(upper)
-    return GainMargin(motor, upper, 0.0 if np.isinf(lower) else lower, lower_hz if missing else upper_hz)
+    upper, upper_hz = _limit(A, row, feedback, FACTORS, share)
+    lower, lower_hz = _limit(A, row, feedback, 1.0 / FACTORS, share)
+    return GainMargin(motor, upper, 0.0 if np.isinf(lower) else lower, lower_hz if np.isinf(upper) else upper_hz)
 
 
-def _limit(A: Array, row: int, feedback: Array, factors: Array) -> tuple[float, float]:
+def _limit(A: Array, row: int, feedback: Array, factors: Array, share: float) -> tuple[float, float]:
     """First of the factors from one on at which the loop is unstable, and the frequency in Hz of what grows there.
 
-    Infinity and NaN if there is none; twice NaN if the loop is unstable at one.
+    Infinity and NaN if there is none. Real parts below `share` of the largest pole are rounding.
     """
     from scipy.optimize import brentq
 
@@ -110,24 +115,24 @@ def _limit(A: Array, row: int, feedback: Array, factors: Array) -> tuple[float, 
         matrices[:, row] += (some - 1.0)[:, None] * feedback
         return np.asarray(np.linalg.eigvals(matrices), np.complex128)
 
-    growth, tolerance = np.zeros(len(factors)), np.zeros(len(factors))
+    growth, rounding = np.zeros(len(factors)), np.zeros(len(factors))
     count = max(1, BATCH_BYTES // A.nbytes)
     for start in range(0, len(factors), count):
         part = slice(start, start + count)
         found = poles(factors[part])
-        growth[part], tolerance[part] = found.real.max(axis=1), STABILITY_TOLERANCE * np.abs(found).max(axis=1)
-    unstable = growth > tolerance
+        growth[part], rounding[part] = found.real.max(axis=1), share * np.abs(found).max(axis=1)
+    unstable = growth > rounding
+    unstable[0] = False
     if not unstable.any():
         return np.inf, np.nan
     first = int(np.argmax(unstable))
-    if first == 0:
-        return np.nan, np.nan
-    # A loop that is marginal to begin with has no sign to change; there it counts when growth is no more rounding.
-    level = tolerance[first - 1] if growth[first - 1] >= 0 else 0.0
     before, after = np.log(factors[[first - 1, first]]).tolist()
+    # A loop that is marginal before has no sign to change; there it counts when growth is more than rounding.
+    level = share if growth[first - 1] >= 0 else 0.0
 
     def above(logarithm: float) -> float:
-        return float(poles(np.exp([logarithm])).real.max()) - level
+        found = poles(np.exp([logarithm]))
+        return float(found.real.max() - level * np.abs(found).max())
 
     factor = float(np.exp(brentq(above, before, after, xtol=1e-13, rtol=1e-14)))
     critical = poles(np.array([factor]))[0]

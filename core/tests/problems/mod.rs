@@ -1,4 +1,5 @@
-//! Reference problems that tests and benchmarks share.
+//! Reference problems that tests and benchmarks share; no one of them needs all.
+#![allow(dead_code)]
 
 use armonic_core::dynamics::{self, Workspace};
 

@@ -109,6 +109,11 @@ class StateFeedback(Part):
     position: Rows = ()
     velocity: Rows = ()
 
+    @property
+    def given(self) -> list[str]:
+        """Which of them the file has; the others are zero."""
+        return [name for name in type(self).model_fields if name in self.model_fields_set]
+
 
 class ControlEntry(Part):
     """The control law of the motors: Do et al. 2022, Eq. 2, with further gains.

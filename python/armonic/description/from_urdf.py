@@ -46,7 +46,7 @@ class UrdfDocument(Document):
 
     @property
     def data(self) -> Any:
-        """The plain data of a robot file that has the URDF's links in place of `urdf` and `joints`."""
+        """The plain data of the robot file, with the links of the URDF in place of `joints`."""
         return self._joined
 
     def node(self, location: Location) -> Node:
@@ -81,24 +81,29 @@ class UrdfDocument(Document):
             where its file is still what was loaded.
 
         Raises:
-            DataFileError: the target is the URDF, or a copy would replace another file.
+            DataFileError: the target is the URDF, its path cannot be written in a text, or a copy would replace
+                another file.
         """
         folder, path, copy = target.absolute().parent, self.urdf.path, None
-        if _same(target, path):
-            raise DataFileError(str(target), found="the URDF that the robot starts from", expected="another file")
         if not self._is_at(path):
             path = folder / path.name
             if not self._is_at(path):
                 copy = path
-                if os.path.lexists(path):
+                if not _same(target, path) and os.path.lexists(path):
                     found = "a file that is not the URDF which was loaded"
                     hint = "Save to another folder, or load the robot again."
                     raise DataFileError(str(path), found=found, expected="room for a copy of that URDF", hint=hint)
+        if _same(target, path):
+            raise DataFileError(str(target), found="the URDF that the robot starts from", expected="another file")
         node = self.root.items["urdf"]
         if _same(_find(str(node.data), folder), path):
             return self.text, copy
-        reference = json.dumps(_reference(path, folder), ensure_ascii=False)
-        return self.text[: node.start] + reference + self.text[node.end :], copy
+        reference = _reference(path, folder)
+        if not reference.isprintable():
+            raise DataFileError(
+                str(target), found=f"the path {shown(reference)} of the URDF", expected="a printable path"
+            )
+        return self.text[: node.start] + json.dumps(reference, ensure_ascii=False) + self.text[node.end :], copy
 
     def _is_at(self, path: Path) -> bool:
         try:

@@ -216,7 +216,7 @@ def _measured_feedback(control: ControlEntry, driven: Sequence[Link]) -> Control
     columns = [*(f"{link.name}.{link.joint.own}" for link in driven), *motor_names(driven)]
     count = len(driven)
     matrices: dict[str, tuple[tuple[float, ...], ...]] = {}
-    for name in control.state_feedback.model_fields_set:
+    for name in control.state_feedback.given:
         at: Location = ("control", "state_feedback", name)
         rows = getattr(control.state_feedback, name)
         if len(rows) != count:

@@ -247,7 +247,7 @@ def _of_control(control: ControlEntry, moving: Iterable[Link]) -> Iterator[Numbe
         yield from parts
         yield Number(path, gain[0] if len(set(gain)) == 1 else math.nan, dimension, at, parts=parts)
     columns = [f"{link.name}.{link.joint.own}" for link in driven] + motor_names(driven)
-    for key in control.state_feedback.model_fields_set:
+    for key in control.state_feedback.given:
         for i, row in enumerate(getattr(control.state_feedback, key)):
             for j, value in enumerate(row):
                 path = f"control.state_feedback.{key}.{driven[i].name}.{columns[j]}"

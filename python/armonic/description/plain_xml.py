@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from lxml import etree
 
 MAX_BYTES: Final = 4 << 20
+MAX_ATTRIBUTES: Final = 100
+"""Of one element: the time to read them grows with their square."""
 
 RUN_XACRO: Final = "Run xacro first, and give Armonic what it writes: xacro robot.urdf.xacro > robot.urdf"
 
@@ -148,6 +150,9 @@ def _refuse_features(element: etree._Element, origin: str) -> None:
         if element.tag is etree.ProcessingInstruction:
             raise _instruction(place)
         raise RobotFileError(place, found="an entity", expected="plain text")  # pragma: no cover - no DTD, no entity
+    if len(element.attrib) > MAX_ATTRIBUTES:
+        found = f"an element with {len(element.attrib)} attributes"
+        raise RobotFileError(where(element, origin), found=found, expected=f"at most {MAX_ATTRIBUTES}")
     names = [etree.QName(name) for name in (element.tag, *element.attrib)]
     for name in names:
         space = (name.namespace or "").lower()

@@ -139,10 +139,10 @@ def place_of(ds: xr.Dataset, at: Mapping[str, int]) -> str:
     words = []
     for name in sorted(at, key=lambda dim: _is_parameter(ds, dim)):  # the sweep last
         value, unit = float(shown_values(ds, name)[at[name]]), unit_of(ds, name)
-        number = f"{value:.4g}°" if unit == "°" else f"{value:.4g} {unit}".rstrip()
-        number = number.replace("-", "−")
+        number = f"{value:.4g}°" if unit == "°" else f"{value:.6g} {unit}".rstrip()
+        number = number.replace("-", "−").replace(" ", "\N{NO-BREAK SPACE}")
         words.append(f"posture {value:.0f}" if name == "posture" else f"{name} = {number}")
-    return ", ".join(word.replace(" ", "\N{NO-BREAK SPACE}") for word in words)
+    return ", ".join(word.replace("= ", "=\N{NO-BREAK SPACE}") for word in words)
 
 
 def mode_numbers(ds: xr.Dataset, modes: Sequence[int] | None = None) -> list[int]:

@@ -14,7 +14,7 @@ from armonic.plots.dataset import EVENTS
 from armonic.plots.look import EVENT_MARKERS, INK, MUTED, TEMPLATE, log_axis, mode_colour
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     import xarray as xr
 
@@ -206,8 +206,8 @@ class _Panel:
                     hovertemplate=f"{EVENTS[code]} of mode %{{customdata}}<br>{hover} at %{{x:.5g}}<extra></extra>",
                     **self._axes(),
                 )
-        ends = [float(values[0, k, np.flatnonzero(np.isfinite(values[0, k]))[-1]]) for k in group]
-        self._number_curves(ends, [survey.numbers[k] for k in group], scale)
+        ends = {survey.numbers[k]: _last(values[0, k]) for k in group}
+        number_curves(self.figure, self.suffix, ends, scale, _PANEL)
 
     def _axes(self) -> dict[str, str]:
         return {"xaxis": f"x{self.suffix}", "yaxis": f"y{self.suffix}"}
@@ -238,20 +238,38 @@ class _Panel:
             area = {"x0": low, "x1": high, "y0": 0, "y1": 1, "fillcolor": _UNSTABLE, "line": {"width": 0}}
             place = {"xref": f"x{self.suffix}", "yref": f"y{self.suffix} domain"}
             self.figure.add_shape(type="rect", layer="below", **area, **place)
-        self._annotate(mode_list(numbers), x=0, y=1, yref=f"y{self.suffix} domain", xanchor="left", yanchor="bottom")
+        place = {"x": 0, "xref": f"x{self.suffix} domain", "xanchor": "left"}
+        place |= {"y": 1, "yref": f"y{self.suffix} domain", "yanchor": "bottom"}
+        font = {"size": 11, "color": MUTED}
+        self.figure.add_annotation(text=mode_list(numbers), showarrow=False, font=font, **place)
 
-    def _annotate(self, text: str, *, size: int = 11, colour: str = MUTED, **place: Any) -> None:
-        font = {"size": size, "color": colour}
-        self.figure.add_annotation(text=text, showarrow=False, font=font, xref=f"x{self.suffix} domain", **place)
 
-    def _number_curves(self, ends: list[float], numbers: list[int], scale: dict[str, Any]) -> None:
-        """The number of each mode at the right end of its first case, moved apart where curves end together."""
-        low, high = scale["range"]
-        at = [math.log10(end) if scale.get("type") == "log" else end for end in ends]
-        heights = _apart([_PANEL * (y - low) / (high - low) for y in at], least=12.0, room=float(_PANEL))
-        for number, height in zip(numbers, heights, strict=True):
-            place = {"x": 1, "xanchor": "left", "xshift": 3, "y": height / _PANEL, "yref": f"y{self.suffix} domain"}
-            self._annotate(str(number), size=11, colour=mode_colour(number), yanchor="middle", **place)
+def _last(values: Array) -> float:
+    """The last finite value, or zero."""
+    finite = values[np.isfinite(values)]
+    return float(finite[-1]) if finite.size else 0.0
+
+
+def number_curves(
+    figure: go.Figure, suffix: str, ends: Mapping[int, float], scale: Mapping[str, Any], height: float
+) -> None:
+    """The numbers of modes right of a panel, beside where their curves end, moved apart where these lie close.
+
+    Args:
+        figure: it gets an annotation per mode.
+        suffix: of the panel's axes.
+        ends: values by number of the mode.
+        scale: the panel's y axis, with its range.
+        height: of the panel, in pixels.
+    """
+    low, high = scale["range"]
+    at = [math.log10(end) if scale.get("type") == "log" else end for end in ends.values()]
+    heights = apart([height * (y - low) / (high - low) for y in at], least=12.0, room=height)
+    for number, y in zip(ends, heights, strict=True):
+        place = {"x": 1, "xref": f"x{suffix} domain", "xanchor": "left", "xshift": 3}
+        place |= {"y": y / height, "yref": f"y{suffix} domain", "yanchor": "middle"}
+        font = {"size": 11, "color": mode_colour(number)}
+        figure.add_annotation(text=str(number), showarrow=False, font=font, **place)
 
 
 def mode_list(numbers: list[int]) -> str:
@@ -279,7 +297,7 @@ def linear_or_log(values: Array, name: str) -> dict[str, Any]:
     return {"range": [bottom, middle + half + margin], "nticks": 6, "zeroline": low < 0, "zerolinecolor": MUTED}
 
 
-def _apart(positions: list[float], *, least: float, room: float) -> list[float]:
+def apart(positions: list[float], *, least: float, room: float) -> list[float]:
     """Positions moved as little as needed to lie `least` apart, or closer if there is no room."""
     order = np.argsort(positions, kind="stable")
     least = min(least, room / len(positions))

@@ -22,7 +22,7 @@ from armonic.plots.dataset import (
     title_of,
 )
 from armonic.plots.look import MUTED, TEMPLATE, mode_colour
-from armonic.plots.maps import linear_or_log, mode_list
+from armonic.plots.maps import linear_or_log, mode_list, number_curves
 from armonic.text import count
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ MAX_DOTS = 12_000
 """Dots of a figure; of larger samples, evenly spaced postures are drawn."""
 MAX_JOINTS = 8
 
-_PANEL, _GAP, _BOTTOM, _APART = 132, 14, 46, 0.012
+_PANEL, _GAP, _TOP, _BOTTOM, _APART = 132, 14, 34, 46, 0.012
 
 
 def sample_map(ds: xr.Dataset, *, modes: Sequence[int] | None = None) -> go.Figure:
@@ -69,11 +69,9 @@ def sample_map(ds: xr.Dataset, *, modes: Sequence[int] | None = None) -> go.Figu
     values = ordered(ds["natural_freq_hz"], ("mode", "posture")).astype(float)
     groups = bands(np.nanmin(values, axis=1), np.nanmax(values, axis=1))
     columns, rows = len(names), len(groups)
-    top = 52 + 19 * ((len(numbers) - 1) // 12)
     height = rows * _PANEL + (rows - 1) * _GAP
-    figure = go.Figure(layout={"template": TEMPLATE, "height": height + top + _BOTTOM, "hovermode": "closest"})
-    legend = {"traceorder": "normal", "itemsizing": "constant"}
-    figure.update_layout(margin={"l": 62, "r": 8, "t": top, "b": _BOTTOM}, legend=legend)
+    figure = go.Figure(layout={"template": TEMPLATE, "height": height + _TOP + _BOTTOM, "hovermode": "closest"})
+    figure.update_layout(margin={"l": 62, "r": 24, "t": _TOP, "b": _BOTTOM}, showlegend=False)
     width = (1 - _APART * (columns - 1)) / columns
     for row, group in enumerate(groups):
         scale, words = linear_or_log(values[group], "natural_freq_hz"), mode_list([numbers[k] for k in group])
@@ -103,16 +101,15 @@ def sample_map(ds: xr.Dataset, *, modes: Sequence[int] | None = None) -> go.Figu
                     x=shown_values(ds, name),
                     y=values[k],
                     name=f"mode {numbers[k]}",
-                    legendgroup=f"mode {numbers[k]}",
-                    legendrank=1000 + numbers[k],
-                    showlegend=column == 0,
                     mode="markers",
                     marker={"size": 3.2, "color": mode_colour(numbers[k]), "opacity": 0.7},
                     hovertemplate=f"%{{y:.5g}} Hz at %{{x:.4g}}<extra>mode {numbers[k]}</extra>",
                     xaxis=f"x{suffix}",
                     yaxis=f"y{suffix}",
                 )
-    place = {"x": 1, "xref": "paper", "y": 1, "yref": "paper", "xanchor": "right", "yanchor": "bottom"}
+        middle = {numbers[k]: float(np.nanmedian(values[k])) for k in group}
+        number_curves(figure, suffix, middle, scale, _PANEL)
+    place = {"x": 0, "xref": "paper", "y": 1, "yref": "paper", "xanchor": "left", "yanchor": "bottom"}
     font = {"size": 11, "color": MUTED}
     figure.add_annotation(text=html.escape(", ".join(notes)), showarrow=False, font=font, yshift=2, **place)
     return figure

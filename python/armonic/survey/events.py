@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     Complex: TypeAlias = NDArray[np.complex128]
 
 NONE, CROSSING, VEERING = 0, 1, 2
+TIE = 1e-11
+"""Frequencies closer than this share of them are one frequency: poles are not known better."""
 CLOSE = 0.1
 """Modes further apart than this share of their frequency do not veer from each other."""
 TRADED = 0.5
@@ -22,7 +24,8 @@ TRADED = 0.5
 def events(poles: Complex, shapes: Complex, weight: Array) -> NDArray[np.int8]:
     """What happens to each mode at each place of a stretch; its first and last place are not judged.
 
-    Frequencies that change order between two places have crossed there. Where the gap g of two neighbours has its least
+    Frequencies that change order between two places have crossed at the second of them, or at the first place in between
+    where they are the same. Where the gap g of two neighbours has its least
     value, an ideal veering turns their shapes into each other at the rate θ' with 4gθ'² = g'' (the avoided crossing of
     two modes; du Bois, Adhikari, Lieven 2011 use the same rotation). Modes that only come near do not turn.
 
@@ -41,7 +44,7 @@ def events(poles: Complex, shapes: Complex, weight: Array) -> NDArray[np.int8]:
     f = np.abs(poles)
     rank = np.argsort(f[0], kind="stable")
     gaps = np.diff(f[:, rank], axis=1)
-    if (gaps > 0).all():  # the order never changes, as on most stretches
+    if (gaps > TIE * f[:, rank[1:]]).all():  # the order never changes, as on most stretches
         low, high = np.broadcast_to(rank[:-1], gaps.shape), np.broadcast_to(rank[1:], gaps.shape)
         now, before, after = gaps, gaps[_shifted(P, -1)], gaps[_shifted(P, 1)]
     else:
@@ -51,9 +54,10 @@ def events(poles: Complex, shapes: Complex, weight: Array) -> NDArray[np.int8]:
             np.take_along_axis(f[i], high, axis=1) - np.take_along_axis(f[i], low, axis=1)
             for i in (_shifted(P, 0), _shifted(P, -1), _shifted(P, 1))
         )
-    for i, k in np.argwhere(before < 0):
-        # Neighbours that changed order; of modes that passed several others at once all are marked.
-        out[i, low[i, k]] = out[i, high[i, k]] = CROSSING
+        met = (before < 0) | (now <= TIE * np.take_along_axis(f, high, axis=1))
+        # Of modes that passed several others at once all are marked.
+        for a, b in np.unique(np.sort(np.stack([low[met], high[met]], axis=1), axis=1), axis=0):
+            out[np.ix_(_passed(f[:, a], f[:, b]), [a, b])] = CROSSING
     least = (before > now) & (after >= now)
     least[[0, -1]] = False
     for i, k in np.argwhere(least):
@@ -62,6 +66,13 @@ def events(poles: Complex, shapes: Complex, weight: Array) -> NDArray[np.int8]:
         if close and _trade(shapes[i - 1 : i + 2, [a, b]], weight, now[i, k], before[i, k], after[i, k]):
             out[i, a] = out[i, b] = VEERING
     return out
+
+
+def _passed(f: Array, g: Array) -> NDArray[np.intp]:
+    """The places at which two frequencies pass each other, (c,)."""
+    order = np.where(np.abs(f - g) > TIE * np.maximum(f, g), np.sign(f - g), 0.0)
+    apart = np.flatnonzero(order)
+    return apart[:-1][np.diff(order[apart]) != 0] + 1
 
 
 def _shifted(P: int, by: int) -> NDArray[np.intp]:
