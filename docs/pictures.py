@@ -1,4 +1,4 @@
-"""Make the picture of the README: `python docs/pictures.py` fits the KUKA example and photographs the result.
+"""Make the pictures of the README: `python docs/pictures.py` fits the KUKA, maps Scompi and photographs the results.
 
 It needs Chromium or Google Chrome on the path, and nothing from the network.
 """
@@ -19,7 +19,7 @@ from armonic import examples, plots
 
 WIDTH, SCALE = 1200, 1.5
 FONTS = "'Helvetica Neue', 'Liberation Sans', Arial, sans-serif"
-TARGET = Path(__file__).parent / "pictures" / "kuka_fit.png"
+FOLDER = Path(__file__).parent / "pictures"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 QUIET = (
     "--headless",
@@ -34,10 +34,10 @@ QUIET = (
 
 
 def main() -> None:
-    figures = kuka_fit()
-    TARGET.parent.mkdir(exist_ok=True)
-    photograph(figures, TARGET)
-    print(f"wrote {TARGET}")
+    FOLDER.mkdir(exist_ok=True)
+    for name, figures in (("kuka_fit.png", kuka_fit()), ("scompi_map.png", scompi_map())):
+        photograph(figures, FOLDER / name)
+        print(f"wrote {FOLDER / name}")
 
 
 def kuka_fit() -> list[go.Figure]:
@@ -48,6 +48,12 @@ def kuka_fit() -> list[go.Figure]:
     fit = am.update(robot, am.Measurement(measured, posture="milling", frame="sensor"))
     frfs = {"measured": measured, "before": fit.frf_before[0], "after": fit.frf_after[0]}
     return [plots.frf_matrix(frfs, cell_height=196), plots.parameter_intervals(fit)]
+
+
+def scompi_map() -> list[go.Figure]:
+    """Natural frequencies over the path of the paper, without and with a tool (Do et al. 2022, Fig. 3)."""
+    cases = am.survey(am.load("scompi"), "table", sweep={"tool.mass": [0, 4]})
+    return [plots.frequency_map(cases)]
 
 
 def photograph(figures: list[go.Figure], target: Path) -> None:

@@ -160,7 +160,7 @@ def test_demo_fits_the_kuka_and_says_how_to_do_it_by_hand(armonic: Armonic, tmp_
     for _ in range(2):  # a second demo in the same place is fine
         run = armonic("demo", "--into", into)
         assert (run.code, run.err) == (0, "")
-    assert files(into) == ["kuka_milling.uff", "kuka_start.yaml", "kuka_true.yaml", demo.REPORT, demo.ROBOT]
+    assert files(into) == ["kuka_milling.uff", "kuka_start.yaml", "kuka_true.yaml", demo.MAP, demo.REPORT, demo.ROBOT]
     assert "true" in run.words
     assert "armonic update" in run.words
     modes = am.modes(am.load(into / demo.ROBOT), "milling")
@@ -241,7 +241,7 @@ def test_check_lists_every_error_of_an_invalid_file_in_its_order(armonic: Armoni
 
 
 @pytest.mark.parametrize(
-    "words", [(), ("--help",), *((c, "--help") for c in ("modes", "frf", "update", "check", "demo"))]
+    "words", [(), ("--help",), *((c, "--help") for c in ("modes", "frf", "export", "map", "update", "check", "demo"))]
 )
 def test_help_fits_80_columns_and_says_how_to_go_on(armonic: Armonic, words: tuple[str, ...]) -> None:
     run = armonic(*words)

@@ -154,10 +154,11 @@ def _postures(
             raise UsageError("--posture", found="a posture beside a path", expected="one of them")
         if path in robot.paths:
             return path
-        corners = [arguments.posture(robot, part.strip())[0] for part in path.split("..")]
-        if len(corners) < 2:
+        parts = path.split("..")
+        if len(parts) < 2:
             known = f"one of {', '.join(robot.paths)}, or " if robot.paths else ""
             raise UsageError("--path", found=repr(path), expected=f"{known}two or more postures with .. between them")
+        corners = [arguments.posture(robot, part.strip())[0] for part in parts]
         return through(robot, corners, POINTS if points is None else points)
     if not given:
         return arguments.posture(robot, posture)[0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -142,6 +143,8 @@ class Layout:
             load = {"frame": robot.frames[given.frame], "wrench": given.wrench.tolist(), "axes": given.axes}
         spec = {"format": FORMAT, **field.walk.described(), "load": load, "modes": self.modes}
         spec |= {"shapes": self.shapes, "participation": self.participation}
+        if robot.urdf is not None:  # the robot file alone does not say all
+            spec["urdf_sha256"] = hashlib.sha256(robot.urdf.content).hexdigest()
         return {
             "title": f"Modal map of {robot.name}",
             "robot": robot.name,
