@@ -46,9 +46,10 @@ test-rust:
 test-python: $(DEV)
 	$(BIN)/python -m pytest
 
-bench: $(BUILT)
+bench: $(DEV)
 	cargo bench -p armonic-core
-	for b in frf_against_numpy update_against_numpy startup; do $(BIN)/python benches/$$b.py || exit 1; done
+	for b in frf_against_numpy update_against_numpy startup survey_against_pinocchio survey_grid survey_cost; do \
+		$(BIN)/python benches/$$b.py || exit 1; done
 
 pictures: $(BUILT)
 	$(BIN)/python docs/pictures.py

@@ -63,23 +63,34 @@ class PinocchioLoop:
         self.state[size : size + n] = -np.linalg.solve(mass, self.forces)
         return self.state
 
-    def modes(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Poles (m,) above the real axis by natural frequency, and their shapes (N, m)."""
-        poles, vectors = np.linalg.eig(self.state_matrix(q))
-        above = np.flatnonzero(poles.imag > 0)
-        above = above[np.argsort(np.abs(poles[above]))]
-        return poles[above], vectors[: self.size, above]
+    def modes(self, postures: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Poles (P, N) above the real axis by natural frequency, and their shapes (P, N, N), if no pole is real."""
+        size = self.size
+        poles = np.empty((len(postures), size), complex)
+        shapes = np.empty((len(postures), size, size), complex)
+        for i, q in enumerate(postures):
+            values, vectors = np.linalg.eig(self.state_matrix(q))
+            above = np.flatnonzero(values.imag > 0)
+            above = above[np.argsort(np.abs(values[above]))]
+            poles[i], shapes[i] = values[above], vectors[:size, above].T
+        return poles, shapes
 
-    def poles(self, postures: np.ndarray) -> np.ndarray:
-        """(P, m) at every posture; the shapes are made and dropped."""
-        return np.array([self.modes(q)[0] for q in postures])
+
+def blas_kernel() -> str:
+    """What NumPy's linear algebra runs on, as far as it can be told."""
+    try:
+        from threadpoolctl import threadpool_info
+    except ImportError:
+        return "an unknown kernel (threadpoolctl is not there to tell)"
+    found = [f"{part['internal_api']} {part['architecture']}" for part in threadpool_info() if "architecture" in part]
+    return ", ".join(found) or "an unknown kernel"
 
 
 def smooth_path(robot: am.Robot, points: int, seed: int = 0) -> np.ndarray:
-    """(points, n) of a random motion about the robot's first posture: per joint a sum of five slow sines, ±1 rad or so."""
+    """(points, n) of a random motion about the first posture: five slow sines per joint, up to about ±1 rad or m."""
     rng = np.random.default_rng(seed)
-    n = len(robot.coordinates)
-    swings, phase, share = rng.uniform(1, 10, (5, n)), rng.uniform(0, 2 * np.pi, (5, n)), rng.uniform(0.1, 0.4, (5, n))
+    start = next(iter(robot.tree.postures.values()))
+    n = len(start)
+    swings, phase, share = (rng.uniform(*ends, (5, n)) for ends in ((1, 10), (0, 2 * np.pi), (0.1, 0.4)))
     time = np.linspace(0, 1, points)[:, None, None]
-    path = robot.tree.postures[next(iter(robot.tree.postures))] if robot.tree.postures else np.zeros(n)
-    return path + (share * np.sin(2 * np.pi * swings * time + phase)).sum(axis=1)
+    return start + (share * np.sin(2 * np.pi * swings * time + phase)).sum(axis=1)

@@ -19,6 +19,7 @@ armonic: 1
 name: two arms
 links:
   - name: one
+    parent: base
     joint: {type: revolute, axis: z}
     elasticity: {z: {stiffness: 1e5, damping: 20}}
     mass: 20

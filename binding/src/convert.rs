@@ -7,6 +7,7 @@ use numpy::ndarray;
 use numpy::{PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods, ToPyArray};
 use pyo3::exceptions::{PyArithmeticError, PyValueError};
 use pyo3::prelude::*;
+use std::borrow::Cow;
 
 /// Arguments that do not fit raise `ValueError`; a computation without an answer raises `ArithmeticError`.
 pub fn raise(error: Error) -> PyErr {
@@ -24,6 +25,15 @@ pub fn numbers<T: numpy::Element + Copy>(
     array: &PyReadonlyArrayDyn<'_, T>,
     shape: &[Option<usize>],
 ) -> PyResult<Vec<T>> {
+    borrowed(name, array, shape).map(Cow::into_owned)
+}
+
+/// The numbers of an array as in [`numbers`], copied only if they do not stand by rows.
+pub fn borrowed<'a, T: numpy::Element + Copy>(
+    name: &str,
+    array: &'a PyReadonlyArrayDyn<'_, T>,
+    shape: &[Option<usize>],
+) -> PyResult<Cow<'a, [T]>> {
     let got = array.shape();
     if got.len() != shape.len() || got.iter().zip(shape).any(|(g, s)| s.is_some_and(|s| s != *g)) {
         let wanted: Vec<_> = shape.iter().map(|s| s.map_or("any".into(), |s| s.to_string())).collect();
@@ -33,8 +43,8 @@ pub fn numbers<T: numpy::Element + Copy>(
         )));
     }
     match array.as_slice() {
-        Ok(by_rows) if array.is_c_contiguous() => Ok(by_rows.to_vec()), // a slice may also run by columns
-        _ => Ok(array.as_array().iter().copied().collect()),
+        Ok(by_rows) if array.is_c_contiguous() => Ok(Cow::Borrowed(by_rows)), // a slice may also run by columns
+        _ => Ok(Cow::Owned(array.as_array().iter().copied().collect())),
     }
 }
 

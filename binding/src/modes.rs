@@ -1,6 +1,6 @@
 //! Modes followed along a walk, and the matrices of robots at rest that it runs on.
 
-use crate::convert::{array, numbers, raise};
+use crate::convert::{array, borrowed, numbers, raise};
 use crate::response::{DRIVE_NUMBERS, drive};
 use armonic_core::modes::{self, Walk};
 use nalgebra::Complex;
@@ -11,7 +11,7 @@ use pyo3::prelude::*;
 type Array<'py> = PyReadonlyArrayDyn<'py, f64>;
 type ComplexArray<'py> = PyReadonlyArrayDyn<'py, Complex<f64>>;
 type Out<'py, T> = Bound<'py, PyArrayDyn<T>>;
-/// Poles (P, m), shapes (P, m, n + d), energy shares (P, m, n), residuals (P,), likeness (P, m).
+/// Poles (P, m), shapes (P, m, n + d), energy shares (P, m, n), or (P, m, 0) without springs, residuals (P,), likeness (P, m).
 type Followed<'py> =
     (Out<'py, Complex<f64>>, Out<'py, Complex<f64>>, Out<'py, f32>, Out<'py, f64>, Out<'py, f64>);
 
@@ -33,9 +33,9 @@ pub fn follow<'py>(
     let n = mass.shape().last().copied().unwrap_or(0);
     let square = [None, Some(n), Some(n)];
     let d = drive_coordinates.len();
-    let mass = numbers("mass", &mass, &square)?;
-    let damping = numbers("damping", &damping, &square)?;
-    let stiffness = numbers("stiffness", &stiffness, &square)?;
+    let mass = borrowed("mass", &mass, &square)?;
+    let damping = borrowed("damping", &damping, &square)?;
+    let stiffness = borrowed("stiffness", &stiffness, &square)?;
     let sets = drives.shape().first().copied().unwrap_or(0);
     let rows = numbers("drives", &drives, &[None, Some(d), Some(DRIVE_NUMBERS)])?;
     if sets == 0 {
@@ -51,7 +51,7 @@ pub fn follow<'py>(
     let poles = numbers("poles", &poles, &[None])?;
     let m = poles.len();
     let shapes = numbers("shapes", &shapes, &[Some(m), Some(n)])?;
-    let springs = numbers("springs", &springs, &[None, Some(n)])?;
+    let springs = borrowed("springs", &springs, &[None, Some(n)])?;
     let walk =
         Walk { n, mass: &mass, damping: &damping, stiffness: &stiffness, drives: &drives, springs: &springs };
     let out = py.detach(|| modes::follow(&walk, &poles, &shapes)).map_err(raise)?;
@@ -59,7 +59,7 @@ pub fn follow<'py>(
     Ok((
         array(py, out.poles, &[p, m])?,
         array(py, out.shapes, &[p, m, n + d])?,
-        array(py, out.shares, &[p, m, n])?,
+        array(py, out.shares, &[p, m, if springs.is_empty() { 0 } else { n }])?,
         array(py, out.residuals, &[p])?,
         array(py, out.likeness, &[p, m])?,
     ))

@@ -58,21 +58,26 @@ fn kernels(c: &mut Criterion) {
 fn survey(c: &mut Criterion) {
     const POSTURES: usize = 512;
     let robot = scompi::scompi();
-    let motion = scompi::motion(POSTURES);
+    // A robot's own motion at a thousand postures a second, and a line of a grid.
+    let motions = [("path", [2e-4; scompi::N]), ("grid", [0.0, 0.0, 0.0, 1.5e-2, 0.0, 0.0])]
+        .map(|(name, change)| (name, scompi::motion(POSTURES, change)));
     let mut ws = Workspace::new(&robot);
     let (mut mass, mut stiffness) = ([0.0; 36], [0.0; 36]);
     c.bench_function("mass and stiffness at rest", |b| {
-        b.iter(|| at_rest(&robot, &mut ws, black_box(&motion[0]), &[], &mut mass, &mut stiffness));
+        let q = &motions[0].1[0];
+        b.iter(|| at_rest(&robot, &mut ws, black_box(q), &[], &mut mass, &mut stiffness));
     });
-    let systems = scompi::systems(&robot, &motion);
-    let (poles, shapes) = scompi::modes(&systems);
-    let [mass, damping, stiffness] = &systems;
-    let drives = [scompi::drives()];
-    let walk = Walk { n: scompi::N, mass, damping, stiffness, drives: &drives, springs: &[0.0; scompi::N] };
-    assert_eq!(follow(&walk, &poles, &shapes).unwrap().reached, POSTURES);
-    c.bench_function("twelve modes through 512 postures", |b| {
-        b.iter(|| follow(black_box(&walk), &poles, &shapes).unwrap());
-    });
+    for (name, motion) in &motions {
+        let systems = scompi::systems(&robot, motion);
+        let (poles, shapes) = scompi::modes(&systems);
+        let [mass, damping, stiffness] = &systems;
+        let drives = [scompi::drives()];
+        let walk = Walk { n: scompi::N, mass, damping, stiffness, drives: &drives, springs: &[] };
+        assert_eq!(follow(&walk, &poles, &shapes).unwrap().reached, POSTURES);
+        c.bench_function(&format!("twelve modes through 512 postures of a {name}"), |b| {
+            b.iter(|| follow(black_box(&walk), &poles, &shapes).unwrap());
+        });
+    }
 }
 
 criterion_group!(benches, kernels, survey);

@@ -6,6 +6,7 @@
 use crate::impedance::Drive;
 use crate::lanes::{self, Complex, Real, SIDE_BY_SIDE, row};
 use pulp::Simd;
+use std::ops::Range;
 
 /// Matrices of one robot at rest, symmetric, by rows; the springs w²k of the shafts stand in the stiffness.
 #[derive(Debug, Clone, Copy)]
@@ -16,6 +17,8 @@ pub struct System<'a> {
     pub mass: &'a [f64],
     /// C (n×n).
     pub damping: &'a [f64],
+    /// Whether C has nothing beside its diagonal, as joint dampers give it.
+    pub diagonal: bool,
     /// K (n×n).
     pub stiffness: &'a [f64],
     /// Drives by coordinate.
@@ -27,8 +30,8 @@ pub const RESIDUAL: f64 = 1e-10;
 /// Last change of λ, as a share of it, from which what is left is of a higher order than rounding.
 const LAST_STEP: f64 = 1e-6;
 const ITERATIONS: usize = 6;
-/// The factor is taken so far beside the pole, for at the pole itself it does not exist.
-const BESIDE: f64 = 1.0 + 1e-14;
+/// The factor is taken this share of the pole beside it, for at the pole itself it does not exist.
+const BESIDE: f64 = 1e-14;
 
 /// Scratch memory of the iteration for n coordinates.
 pub(crate) struct Refiner<S: Simd> {
@@ -39,7 +42,7 @@ pub(crate) struct Refiner<S: Simd> {
     products: Vec<[Complex<S>; 3]>,
     /// Z'u, then the solution.
     slope: Vec<Complex<S>>,
-    /// t and t' of every drive.
+    /// t and t' of every drive at the poles of every group.
     turns: Vec<(Complex<S>, Complex<S>)>,
 }
 
@@ -49,10 +52,12 @@ pub(crate) struct Ending<S: Simd> {
     pub converged: bool,
     /// Squared residual over its scale, per lane.
     pub residual: Real<S>,
+    /// Solutions that it took.
+    pub iterations: usize,
 }
 
 impl<S: Simd> Refiner<S> {
-    pub(crate) fn new(simd: S, n: usize, drives: usize) -> Self {
+    pub(crate) fn new(simd: S, n: usize, drives: usize, groups: usize) -> Self {
         let zero = Complex::zero(simd);
         Self {
             z: vec![zero; row(n)],
@@ -60,25 +65,34 @@ impl<S: Simd> Refiner<S> {
             no_floor: vec![Real::splat(simd, 0.0); n],
             products: vec![[zero; 3]; n],
             slope: vec![zero; n],
-            turns: vec![(zero, zero); drives],
+            turns: vec![(zero, zero); groups * drives],
         }
     }
 
-    /// Moves `pole` and `shape` (n) to an eigenpair near by; leaves Mu in [`Self::momentum`] and t in [`Self::turn`].
+    /// Moves `pole` and `shape` (n) of one group to an eigenpair near by; leaves Mu in [`Self::momentum`], t in
+    /// [`Self::turn`]. `turned`: t of these drives stands there for the pole already.
     #[inline(always)]
     pub(crate) fn refine(
         &mut self,
         simd: S,
         system: &System<'_>,
+        group: usize,
+        turned: bool,
         pole: &mut Complex<S>,
         shape: &mut [Complex<S>],
     ) -> Ending<S> {
         let rounding = Real::splat(simd, 32.0 * f64::EPSILON * fastest(system));
+        let drives = system.drives.len();
+        let turns = group * drives..(group + 1) * drives;
+        if !turned {
+            self.turn_all(simd, system, turns.clone(), *pole);
+        }
         self.multiply(simd, system, shape);
-        let mut ending = Ending { converged: false, residual: Real::splat(simd, f64::INFINITY) };
+        let mut ending =
+            Ending { converged: false, residual: Real::splat(simd, f64::INFINITY), iterations: 0 };
         for iteration in 0..=ITERATIONS {
-            self.turn_all(simd, system, *pole);
-            let (step, residual) = self.quotient(simd, system, *pole, shape);
+            ending.iterations = iteration;
+            let (step, residual) = self.quotient(simd, system, turns.clone(), *pole, shape);
             *pole = pole.add(simd, step.neg(simd));
             let size = pole.norm_squared(simd);
             let floor = rounding.add_mul(simd, size, Real::splat(simd, RESIDUAL));
@@ -89,16 +103,18 @@ impl<S: Simd> Refiner<S> {
             let good = |lanes: &[f64], limit: f64| lanes.iter().all(|&v| v <= limit);
             if good(relative.as_slice(), 1.0) && good(moved.as_slice(), LAST_STEP * LAST_STEP) {
                 ending.converged = true;
-                self.turn_all(simd, system, *pole);
+                // The last step is so short that t goes along with it in a straight line.
+                for (turn, slope) in &mut self.turns[turns] {
+                    *turn = turn.sub_mul(simd, *slope, step);
+                }
                 return ending;
             }
             if iteration == ITERATIONS || !pole.norm_squared(simd).as_slice().iter().all(|v| v.is_finite()) {
                 return ending;
             }
-            let beside = pole.scale(simd, Real::splat(simd, BESIDE));
-            self.turn_all(simd, system, beside);
-            self.slope(simd, system, beside, shape);
-            self.factor(simd, system, beside);
+            self.turn_all(simd, system, turns.clone(), *pole);
+            self.slope(simd, system, turns.clone(), *pole, shape);
+            self.factor(simd, system, turns.clone(), *pole);
             self.solve(simd, shape);
             self.multiply(simd, system, shape);
         }
@@ -111,15 +127,15 @@ impl<S: Simd> Refiner<S> {
         self.products[i][0]
     }
 
-    /// t of one drive.
+    /// t of every drive, for one group.
     #[inline(always)]
-    pub(crate) fn turn(&self, drive: usize) -> Complex<S> {
-        self.turns[drive].0
+    pub(crate) fn turn(&self, group: usize, drives: usize) -> &[(Complex<S>, Complex<S>)] {
+        &self.turns[group * drives..(group + 1) * drives]
     }
 
     #[inline(always)]
-    fn turn_all(&mut self, simd: S, system: &System<'_>, pole: Complex<S>) {
-        for ((_, drive), turn) in system.drives.iter().zip(&mut self.turns) {
+    fn turn_all(&mut self, simd: S, system: &System<'_>, turns: Range<usize>, pole: Complex<S>) {
+        for ((_, drive), turn) in system.drives.iter().zip(&mut self.turns[turns]) {
             *turn = drive.turn_lanes(simd, pole);
         }
     }
@@ -128,26 +144,31 @@ impl<S: Simd> Refiner<S> {
     fn multiply(&mut self, simd: S, system: &System<'_>, shape: &[Complex<S>]) {
         let n = system.n;
         for (i, products) in self.products.iter_mut().enumerate() {
-            let mut sums = [Complex::zero(simd); 3];
-            let (m, c, k) =
-                (&system.mass[i * n..][..n], &system.damping[i * n..][..n], &system.stiffness[i * n..][..n]);
-            for (((&u, &m), &c), &k) in shape.iter().zip(m).zip(c).zip(k) {
-                for (sum, entry) in sums.iter_mut().zip([m, c, k]) {
-                    *sum = sum.add_scaled(simd, Real::splat(simd, entry), u);
-                }
-            }
-            *products = sums;
+            let c = if system.diagonal {
+                shape[i].scale(simd, Real::splat(simd, system.damping[i * n + i]))
+            } else {
+                product(simd, &system.damping[i * n..][..n], shape)
+            };
+            let [m, k] = [system.mass, system.stiffness].map(|matrix| &matrix[i * n..][..n]);
+            *products = [product(simd, m, shape), c, product(simd, k, shape)];
         }
     }
 
     /// Z'(λ)u = 2λMu + Cu − Σ w k t' u.
     #[inline(always)]
-    fn slope(&mut self, simd: S, system: &System<'_>, pole: Complex<S>, shape: &[Complex<S>]) {
+    fn slope(
+        &mut self,
+        simd: S,
+        system: &System<'_>,
+        turns: Range<usize>,
+        pole: Complex<S>,
+        shape: &[Complex<S>],
+    ) {
         let twice = pole.add(simd, pole);
         for (slope, [m, c, _]) in self.slope.iter_mut().zip(&self.products) {
             *slope = c.add_mul(simd, twice, *m);
         }
-        for ((i, drive), (_, turn_slope)) in system.drives.iter().zip(&self.turns) {
+        for ((i, drive), (_, turn_slope)) in system.drives.iter().zip(&self.turns[turns]) {
             let gain = Real::splat(simd, -drive.gain);
             self.slope[*i] = self.slope[*i].add_scaled(simd, gain, turn_slope.mul(simd, shape[*i]));
         }
@@ -159,15 +180,16 @@ impl<S: Simd> Refiner<S> {
         &mut self,
         simd: S,
         system: &System<'_>,
+        turns: Range<usize>,
         pole: Complex<S>,
         shape: &[Complex<S>],
     ) -> (Complex<S>, Real<S>) {
-        self.slope(simd, system, pole, shape);
+        self.slope(simd, system, turns.clone(), pole, shape);
         // The third product becomes the residual Zu.
         for [m, c, k] in &mut self.products {
             *k = k.add_mul(simd, pole, c.add_mul(simd, pole, *m));
         }
-        for ((i, drive), (turn, _)) in system.drives.iter().zip(&self.turns) {
+        for ((i, drive), (turn, _)) in system.drives.iter().zip(&self.turns[turns]) {
             let gain = Real::splat(simd, -drive.gain);
             let residual = &mut self.products[*i][2];
             *residual = residual.add_scaled(simd, gain, turn.mul(simd, shape[*i]));
@@ -196,24 +218,29 @@ impl<S: Simd> Refiner<S> {
         sum
     }
 
+    /// Factors Z beside the pole.
     #[inline(always)]
-    fn factor(&mut self, simd: S, system: &System<'_>, s: Complex<S>) {
+    fn factor(&mut self, simd: S, system: &System<'_>, turns: Range<usize>, pole: Complex<S>) {
         let n = system.n;
+        let aside = pole.scale(simd, Real::splat(simd, BESIDE));
+        let s = pole.add(simd, aside);
         let s2 = s.mul(simd, s);
         for i in 0..n {
-            let entries = self.z[row(i)..row(i) + i + 1].iter_mut();
-            let (m, c, k) = (&system.mass[i * n..], &system.damping[i * n..], &system.stiffness[i * n..]);
-            for (entry, ((&m, &c), &k)) in entries.zip(m.iter().zip(c).zip(k)) {
-                let [k, c, m] = [k, c, m].map(|v| Real::splat(simd, v));
-                *entry = Complex {
-                    re: k.add_mul(simd, s.re, c).add_mul(simd, s2.re, m),
-                    im: s.im.mul(simd, c).add_mul(simd, s2.im, m),
-                };
+            let entries = &mut self.z[row(i)..row(i) + i + 1];
+            let rows = system.mass[i * n..].iter().zip(&system.stiffness[i * n..]);
+            for (entry, (&m, &k)) in entries.iter_mut().zip(rows) {
+                let [k, m] = [k, m].map(|v| Real::splat(simd, v));
+                *entry = Complex { re: k.add_mul(simd, s2.re, m), im: s2.im.mul(simd, m) };
+            }
+            let first = if system.diagonal { i } else { 0 };
+            for (entry, &c) in entries[first..].iter_mut().zip(&system.damping[i * n + first..]) {
+                *entry = entry.add_scaled(simd, Real::splat(simd, c), s);
             }
         }
-        for ((i, drive), (turn, _)) in system.drives.iter().zip(&self.turns) {
+        for ((i, drive), (turn, slope)) in system.drives.iter().zip(&self.turns[turns]) {
             let entry = &mut self.z[row(*i) + i];
-            *entry = entry.add_scaled(simd, Real::splat(simd, -drive.gain), *turn);
+            let turn = turn.add_mul(simd, *slope, aside);
+            *entry = entry.add_scaled(simd, Real::splat(simd, -drive.gain), turn);
         }
         lanes::factor(simd, &mut self.z, n, &self.no_floor, &mut self.scratch);
     }
@@ -248,6 +275,16 @@ impl<S: Simd> Refiner<S> {
             *place = value.scale(simd, scale);
         }
     }
+}
+
+/// A row of a real matrix times a vector.
+#[inline(always)]
+fn product<S: Simd>(simd: S, row: &[f64], vector: &[Complex<S>]) -> Complex<S> {
+    let mut sum = Complex::zero(simd);
+    for (&entry, &value) in row.iter().zip(vector) {
+        sum = sum.add_scaled(simd, Real::splat(simd, entry), value);
+    }
+    sum
 }
 
 /// Largest K_ii / M_ii: what cancels in the residual of the slowest mode is of this size.

@@ -56,6 +56,23 @@ impl<S: Simd> Real<S> {
         self.map2(b, |a, b| simd.min_f64s(a, b))
     }
 
+    /// The larger of the two.
+    #[inline(always)]
+    pub fn max(self, simd: S, b: Self) -> Self {
+        self.map2(b, |a, b| simd.max_f64s(a, b))
+    }
+
+    /// `yes` where self ≥ 0, else `no`.
+    #[inline(always)]
+    pub fn where_not_negative(self, simd: S, yes: Self, no: Self) -> Self {
+        let zero = simd.splat_f64s(0.0);
+        let one = |i: usize| {
+            let mask = simd.greater_than_or_equal_f64s(self.0[i], zero);
+            simd.select_f64s(mask, yes.0[i], no.0[i])
+        };
+        Self([one(0), one(1)])
+    }
+
     /// −self.
     #[inline(always)]
     pub fn neg(self, simd: S) -> Self {

@@ -23,7 +23,7 @@ pub struct Walk<'a> {
     pub stiffness: &'a [f64],
     /// Drives of every system, or one list for all.
     pub drives: &'a [Vec<(usize, Drive)>],
-    /// Stiffness of every coordinate's own spring (P×n), or one list for all.
+    /// Stiffness of every coordinate's own spring (P×n), or one list for all; empty where no shares are wanted.
     pub springs: &'a [f64],
 }
 
@@ -34,7 +34,7 @@ pub struct Modes {
     pub poles: Vec<C64<f64>>,
     /// Shapes (P×m×(n+d)), coordinates before motors, of one in the Hermitian mass norm, uᵀMu real.
     pub shapes: Vec<C64<f64>>,
-    /// Share of each coordinate's springs in the elastic energy (P×m×n).
+    /// Share of each coordinate's springs in the elastic energy (P×m×n), or nothing.
     pub shares: Vec<f32>,
     /// Largest residual of each system, as a share of what is tolerated (P).
     pub residuals: Vec<f64>,
@@ -59,7 +59,11 @@ impl<'a> Walk<'a> {
             (
                 "springs",
                 self.springs.len(),
-                if self.springs.len() == self.n { self.n } else { count * self.n },
+                if self.springs.is_empty() || self.springs.len() == self.n {
+                    self.springs.len()
+                } else {
+                    count * self.n
+                },
             ),
             ("drives", self.drives.len(), if self.drives.len() == 1 { 1 } else { count }),
         ] {
@@ -86,7 +90,14 @@ impl<'a> Walk<'a> {
         if self.springs.len() == self.n { self.springs } else { &self.springs[index * self.n..][..self.n] }
     }
 
-    fn system(&self, index: usize) -> System<'a> {
+    /// Whether no damping matrix has anything beside its diagonal.
+    fn diagonal(&self) -> bool {
+        let zero_beside =
+            |(i, row): (usize, &[f64])| row.iter().enumerate().all(|(j, &c)| c == 0.0 || j == i % self.n);
+        self.damping.chunks_exact(self.n).enumerate().all(zero_beside)
+    }
+
+    fn system(&self, index: usize, diagonal: bool) -> System<'a> {
         let size = self.n * self.n;
         let of = |matrices: &'a [f64]| {
             if matrices.len() == size { matrices } else { &matrices[index * size..][..size] }
@@ -95,6 +106,7 @@ impl<'a> Walk<'a> {
             n: self.n,
             mass: of(self.mass),
             damping: of(self.damping),
+            diagonal,
             stiffness: of(self.stiffness),
             drives: &self.drives[if self.drives.len() == 1 { 0 } else { index }],
         }
@@ -135,24 +147,25 @@ impl WithSimd for Follow<'_> {
         let mut out = Modes {
             poles: Vec::with_capacity(count * m),
             shapes: Vec::with_capacity(count * m * width),
-            shares: Vec::with_capacity(count * m * walk.n),
+            shares: Vec::with_capacity(if walk.springs.is_empty() { 0 } else { count * m * walk.n }),
             residuals: Vec::with_capacity(count),
             likeness: Vec::with_capacity(count * m),
             reached: 0,
         };
-        let mut follower = Follower::new(simd, walk.n, width - walk.n, poles, shapes);
+        let (diagonal, same_drives) = (walk.diagonal(), walk.drives.len() == 1);
+        let mut follower = Follower::new(simd, walk.n, width - walk.n, same_drives, poles, shapes);
         for index in 0..count {
-            let system = walk.system(index);
-            let before = walk.system(index.saturating_sub(1));
+            let system = walk.system(index, diagonal);
+            let before = walk.system(index.saturating_sub(1), diagonal);
             follower.likeness.fill(1.0);
             let Some(residual) = follower.advance(simd, &before, &system, index == 0) else { break };
             out.residuals.push(residual);
             out.likeness.extend_from_slice(&follower.likeness);
-            out.poles.extend((0..m).map(|mode| follower.now.pole(mode)));
-            for mode in 0..m {
-                out.shapes.extend((0..width).map(|i| follower.now.entry(mode, i)));
+            follower.put_poles(&mut out.poles);
+            follower.put_shapes(&mut out.shapes);
+            if !walk.springs.is_empty() {
+                follower.put_shares(simd, &system, walk.springs(index), &mut out.shares);
             }
-            follower.energy_shares(simd, &system, walk.springs(index), &mut out.shares);
             out.reached += 1;
         }
         out

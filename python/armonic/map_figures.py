@@ -91,7 +91,9 @@ def _heat_maps(ds: xr.Dataset, layout: Layout, embed: Embed) -> Section:
         for mode in lowest
         for variable in ("natural_freq_hz", "damping_ratio")
     ]
-    text = "Lines join equal values; marks show where the mode crosses another or veers from it."
+    text = "Lines join equal values."
+    if layout.axes[-1] in (x, y):
+        text += " Dots show where the mode crosses another or veers from it."
     if others:
         text = f"A slice at {place_of(ds, others)}. {text}"
     return Section(f"Lowest modes over {x} and {y}", text, figures, paired=True)
@@ -150,7 +152,8 @@ def _modes(ds: xr.Dataset, robot: Robot, at: dict[str, int]) -> Modes:
     if swept:
         robot = robot.with_values(swept)
     load: dict[str, Any] = spec.get("load") or {}
-    return modes(robot, _posture(ds, robot, at), **load)
+    wrench = {"wrench": load["wrench"], "frame": load["frame"], "wrench_axes": load["axes"]} if load else {}
+    return modes(robot, _posture(ds, robot, at), **wrench)
 
 
 def _numbers(ds: xr.Dataset, there: Modes, at: dict[str, int]) -> list[int] | None:

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
     from armonic.plots.dataset import Layout
 
+CLOSE = 1.1
+"""Modes whose frequencies are further apart than this factor do not meet."""
+
 Place = dict[str, int]
 """Index along every dim of a survey."""
 
@@ -190,12 +193,15 @@ class _Reader:
             patterns, which = np.unique(struck, axis=0, return_inverse=True)
             for number, pattern in enumerate(patterns):
                 modes, here = np.flatnonzero(pattern), np.flatnonzero(which == number)
-                if len(modes) <= 2:
-                    self._meet(name, modes, there[here][:, modes].mean(axis=-1), places[here], start)
-                    continue
-                for k in here:  # of several modes, neighbours in frequency meet
-                    for pair in _pairs(modes[np.argsort(there[k][modes])]):
-                        self._meet(name, pair, there[k][pair].mean(keepdims=True), places[k][None], start)
+                if len(modes) == 2:
+                    f = there[here][:, modes]
+                    close = f.max(axis=-1) <= CLOSE * f.min(axis=-1)
+                    if close.any():
+                        self._meet(name, modes, f[close].mean(axis=-1), places[here[close]], start)
+                    here = here[~close]
+                for k in here:
+                    for group in _groups(modes, there[k][modes]):
+                        self._meet(name, group, there[k][group].mean(keepdims=True), places[k][None], start)
 
     def _meet(self, name: str, modes: NDArray[np.intp], freq_hz: Array, places: NDArray[Any], start: int) -> None:
         """Some modes meet at some places."""
@@ -221,8 +227,14 @@ class _Reader:
         return ModeRange(self.numbers[k], least, most, damped, overdamped, float(self.real[k] / count))
 
 
-def _pairs(modes: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
-    """Modes that are struck at one place, by neighbours in frequency; an odd one stays with the last two."""
-    whole = max(1, len(modes) // 2)
-    for k in range(whole):
-        yield modes[2 * k :] if k == whole - 1 else modes[2 * k : 2 * k + 2]
+def _groups(modes: NDArray[np.intp], freq_hz: Array) -> Iterator[NDArray[np.intp]]:
+    """Modes that are struck at one place by those that meet: two neighbours in frequency, an odd one with the last two.
+
+    A mode alone has met one that is struck by something else.
+    """
+    order = np.argsort(freq_hz)
+    far = 1 + np.flatnonzero(freq_hz[order][1:] > CLOSE * freq_hz[order][:-1])
+    for group in np.split(modes[order], far):
+        whole = max(1, len(group) // 2)
+        for k in range(whole):
+            yield group[2 * k :] if k == whole - 1 else group[2 * k : 2 * k + 2]

@@ -104,10 +104,10 @@ pub fn drives() -> Vec<(usize, Drive)> {
     numbers().iter().map(|numbers| Drive::new(numbers).unwrap()).enumerate().collect()
 }
 
-/// A slow motion about the first posture of the paper's path, 0.2 mrad a step.
-pub fn motion(count: usize) -> Vec<[f64; N]> {
+/// A motion from the first posture of the paper's path, by `change` (rad or m) a step.
+pub fn motion(count: usize, change: [f64; N]) -> Vec<[f64; N]> {
     let start: [f64; N] = [0.0, -30.0, 120.0, -10.0, -120.0, 0.0].map(f64::to_radians);
-    (0..count).map(|step| start.map(|q| q + 2e-4 * step as f64)).collect()
+    (0..count).map(|step| std::array::from_fn(|i| start[i] + change[i] * step as f64)).collect()
 }
 
 /// M and K with the shafts, row by row, along a motion, and C.

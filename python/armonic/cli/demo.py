@@ -1,4 +1,4 @@
-"""`armonic demo`: the fit of the KUKA KR90 from a measured file, and a modal map of Scompi, as a user would run them."""
+"""`armonic demo`: the fit of the KUKA KR90 from a measured file, and a modal map of Scompi, as one would run them."""
 
 from __future__ import annotations
 

@@ -36,8 +36,8 @@ MAX_POINTS = 2000
 MAX_CASES = 4
 MAX_MARKS = 400
 """Events of one kind that are drawn per case."""
-MAX_PANELS = 6
-SEPARATE = 1.15
+MAX_PANELS = 8
+SEPARATE = 1.1
 """Modes whose bands are further apart than this factor may have panels of their own."""
 DRAWN = ("natural_freq_hz", "damping_ratio")
 
@@ -81,10 +81,10 @@ class Survey:
         self.marks = {code: self._marks(code) for code in EVENTS}
         self.faster = self._faster()
 
-    def groups(self) -> list[list[int]]:
-        """Modes by panel: the widest gaps between their bands part them."""
+    def groups(self, most: int = MAX_PANELS) -> list[list[int]]:
+        """Modes by panel, at most so many: the widest gaps between their bands part them."""
         _, values = self.curves["natural_freq_hz"]
-        return bands(np.nanmin(values, axis=(0, 2)), np.nanmax(values, axis=(0, 2)))
+        return bands(np.nanmin(values, axis=(0, 2)), np.nanmax(values, axis=(0, 2)), most)
 
     def _marks(self, code: int) -> Marks:
         found: list[tuple[Indices, ...]] = []
@@ -163,11 +163,11 @@ def thinned(ds: xr.Dataset, name: str, dims: tuple[str, str], *, limit: int = MA
     return np.concatenate(indices, axis=-1), np.concatenate(values_of, axis=-1)
 
 
-def bands(low: Array, high: Array) -> list[list[int]]:
-    """Modes in groups, by the widest gaps between the bands from `low` to `high` in which they stay."""
+def bands(low: Array, high: Array, most: int = MAX_PANELS) -> list[list[int]]:
+    """Modes in at most so many groups, by the widest gaps between the bands from `low` to `high` in which they stay."""
     order = np.argsort(low, kind="stable")
     reach = np.maximum.accumulate(high[order])
     ratios = np.log(np.maximum(low[order][1:], 1e-300)) - np.log(np.maximum(reach[:-1], 1e-300))
-    widest = np.sort(np.argsort(-ratios, kind="stable")[: MAX_PANELS - 1])
+    widest = np.sort(np.argsort(-ratios, kind="stable")[: most - 1])
     cuts = [int(i) + 1 for i in widest if ratios[i] > math.log(SEPARATE)]
     return [sorted(part.tolist()) for part in np.split(order, cuts)]

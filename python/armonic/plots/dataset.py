@@ -27,6 +27,8 @@ EVENTS = {1: "crossing", 2: "veering"}
 BLOCK = 4_000_000
 """Values that are read at once from a dataset that may be larger than memory."""
 
+LONG = 22
+NO_BREAK = "\N{NO-BREAK SPACE}"
 STRAIGHT = 0.9
 """Median cosine between steps of a path; even a sample that is ordered by neighbours stays below."""
 
@@ -140,9 +142,12 @@ def place_of(ds: xr.Dataset, at: Mapping[str, int]) -> str:
     for name in sorted(at, key=lambda dim: _is_parameter(ds, dim)):  # the sweep last
         value, unit = float(shown_values(ds, name)[at[name]]), unit_of(ds, name)
         number = f"{value:.4g}°" if unit == "°" else f"{value:.6g} {unit}".rstrip()
-        number = number.replace("-", "−").replace(" ", "\N{NO-BREAK SPACE}")
-        words.append(f"posture {value:.0f}" if name == "posture" else f"{name} = {number}")
-    return ", ".join(word.replace("= ", "=\N{NO-BREAK SPACE}") for word in words)
+        word = f"posture {value:.0f}" if name == "posture" else f"{name} = {number.replace('-', '−')}"
+        # Lines of tables and tiles break between words, and within long ones only.
+        first, *rest = word.split(" ")
+        space = " " if len(word) > LONG else NO_BREAK
+        words.append(space.join([first, NO_BREAK.join(rest)]) if rest else first)
+    return ", ".join(words)
 
 
 def mode_numbers(ds: xr.Dataset, modes: Sequence[int] | None = None) -> list[int]:

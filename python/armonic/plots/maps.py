@@ -78,7 +78,7 @@ def campbell(ds: xr.Dataset, *, modes: Sequence[int] | None = None) -> go.Figure
         SurveyError: the dataset is no survey over one dim, or lacks a mode.
     """
     survey = Survey(ds, modes)
-    groups = survey.groups()
+    groups = survey.groups(6)
     figure = _figure(len(groups), survey)
     for row, group in enumerate(groups):
         for column, name in enumerate(QUANTITIES):
@@ -98,7 +98,7 @@ def _multiples(survey: Survey, name: str) -> go.Figure:
         row, column = divmod(k, columns)
         alone = k == len(groups) - 1 and column == 0  # it takes the place of two
         cell = _cell(row, rows, column, 1 if alone else columns)
-        panel = _Panel(figure, k + 1, *cell, lowest=k + columns >= len(groups))
+        panel = _Panel(figure, k + 1, *cell, lowest=row == rows - 1)
         panel.draw(survey, name, group, titled=column == 0)
     _explain(survey, figure)
     return figure
@@ -236,9 +236,9 @@ class _Panel:
         }
         for low, high in survey.unstable():
             area = {"x0": low, "x1": high, "y0": 0, "y1": 1, "fillcolor": _UNSTABLE, "line": {"width": 0}}
-            place = {"xref": f"x{self.suffix}", "yref": f"y{self.suffix} domain"}
-            self.figure.add_shape(type="rect", layer="below", **area, **place)
-        place = {"x": 0, "xref": f"x{self.suffix} domain", "xanchor": "left"}
+            area |= {"xref": f"x{self.suffix}", "yref": f"y{self.suffix} domain"}
+            self.figure.add_shape(type="rect", layer="below", **area)
+        place: dict[str, Any] = {"x": 0, "xref": f"x{self.suffix} domain", "xanchor": "left"}
         place |= {"y": 1, "yref": f"y{self.suffix} domain", "yanchor": "bottom"}
         font = {"size": 11, "color": MUTED}
         self.figure.add_annotation(text=mode_list(numbers), showarrow=False, font=font, **place)
@@ -266,7 +266,7 @@ def number_curves(
     at = [math.log10(end) if scale.get("type") == "log" else end for end in ends.values()]
     heights = apart([height * (y - low) / (high - low) for y in at], least=12.0, room=height)
     for number, y in zip(ends, heights, strict=True):
-        place = {"x": 1, "xref": f"x{suffix} domain", "xanchor": "left", "xshift": 3}
+        place: dict[str, Any] = {"x": 1, "xref": f"x{suffix} domain", "xanchor": "left", "xshift": 3}
         place |= {"y": y / height, "yref": f"y{suffix} domain", "yanchor": "middle"}
         font = {"size": 11, "color": mode_colour(number)}
         figure.add_annotation(text=str(number), showarrow=False, font=font, **place)

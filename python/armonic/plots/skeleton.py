@@ -195,7 +195,7 @@ def _scene(figure: go.Figure, origins: Array, gravity: Array) -> dict[str, Any]:
         for k, letter in enumerate("xyz")
     }
     camera = {"up": _xyz(up), "eye": _xyz(eye), "projection": {"type": "orthographic"}}
-    return {"aspectmode": "manual", "aspectratio": _xyz(1.7 * size / size.max()), "camera": camera, **axes}
+    return {"aspectmode": "manual", "aspectratio": _xyz(1.55 * size / size.max()), "camera": camera, **axes}
 
 
 def _xyz(vector: Array) -> dict[str, float]:

@@ -17,6 +17,7 @@ from armonic.plots.dataset import (
     mode_positions,
     ordered,
     shown_values,
+    specification,
     title_of,
 )
 from armonic.plots.look import INK, MUTED, TEMPLATE
@@ -43,7 +44,10 @@ _REDS = [[0, "#fdf4f0"], [0.5, "#f4b59f"], [1, "#dc6542"]]
 def heat_map(
     ds: xr.Dataset, mode: int, *, x: str | None = None, y: str | None = None, variable: str = "natural_freq_hz"
 ) -> go.Figure:
-    """Draw a mode over two dims as a heat map with iso-lines; crossings and veerings are dots.
+    """Draw a mode over two dims as a heat map with iso-lines, and dots where it crosses another or veers from it.
+
+    A survey of a grid steps along its last dim and sees modes meet between such steps, so that a slice without that dim
+    has no dots.
 
     Args:
         ds: what `armonic.survey` returned, over two dims; of more, take a slice first: `ds.isel({"link_3.z": 5})`.
@@ -126,7 +130,8 @@ def _two_dims(ds: xr.Dataset, x: str | None, y: str | None) -> tuple[str, str]:
 
 
 def _events(figure: go.Figure, piece: xr.Dataset, dims: tuple[str, str], across: Array, up: Array) -> None:
-    if "event" not in piece or "mode" in piece["event"].dims:
+    walked = specification(piece).get("axes") or dims
+    if "event" not in piece or walked[-1] not in dims:
         return
     codes = ordered(piece["event"], dims)
     for code, name in EVENTS.items():

@@ -1,7 +1,8 @@
 """One block of a survey: the modes at a stretch of the walk, computed without knowing any other block.
 
-A block begins one place before its own, where the one before it ends: there the modes of both are the same numbers,
-which tells how the block's modes are called in the whole survey. So blocks may be computed anywhere and in any order.
+A block begins one place before its own, where the one before it ends, or further back while poles are equal there: at
+that place the modes of both are the same numbers, which tells how the block's modes are called in the whole survey. So
+blocks may be computed anywhere and in any order.
 """
 
 from __future__ import annotations
@@ -12,10 +13,9 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from armonic.errors import SurveyError
 from armonic.modal import STABILITY_TOLERANCE
 from armonic.survey.events import events
-from armonic.survey.following import follow
+from armonic.survey.following import apart, distinct, follow
 from armonic.survey.walk import reflected
 
 if TYPE_CHECKING:
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 SAME = 1e-6
 """Poles of one system that two blocks found differ by less than this share of their size."""
+FURTHEST = 8
+"""Places to look back for distinct poles; a robot that has none for longer has joints that are alike."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,8 @@ class Block:
         method: (P,) continuation or dense solver.
         shapes: (P, m, N), or None.
         participation: (P, m, n) share of each coordinate's springs in the elastic energy, or None.
-        before: (m, 2) poles at the place before the block, in the order of its modes; None at the beginning.
+        start: the place (row-major) from which the block was followed; None at the beginning of the walk.
+        before: (m, 2) poles at that place, in the order of the block's modes.
     """
 
     places: Indices
@@ -55,27 +58,22 @@ class Block:
     method: NDArray[np.int8]
     shapes: Complex | None
     participation: NDArray[np.float32] | None
-    before: Complex | None
+    start: int | None
+    before: Complex
 
-    def named_after(self, last: Complex | None) -> Block:
-        """The block with its modes in the order of the survey, of which `last` (m, 2) are those at the place before.
+    def named_after(self, known: Complex) -> Block | None:
+        """The block with its modes in the order of the survey, of which `known` (m, 2) are those at `start`.
 
-        Raises:
-            SurveyError: they are not the poles that the block found there.
+        None where slots do not hold the same poles.
         """
-        if self.before is None or last is None:
-            return self
-        size = np.abs(last[:, None]) + np.abs(self.before[None])
-        # A slot's two poles may stand in either order where they are real.
-        cost = np.nan_to_num(np.abs(last[:, None] - self.before[None]) / np.where(size > 0, size, 1.0)).sum(axis=-1)
+        # One pole in a slot has no partner in both.
+        cost = np.nan_to_num(apart(known[:, None], self.before), nan=0.0).max(axis=-1)
+        cost[np.isnan(known[:, None]).any(axis=-1) != np.isnan(self.before).any(axis=-1)] = 1.0
         _, order = linear_sum_assignment(cost)
-        if not cost[np.arange(len(order)), order].max() < SAME:
-            raise SurveyError(
-                "survey",
-                found="modes that do not continue those of the block before",
-                expected="the same poles at the place where two blocks meet",
-                hint="Repeated poles can do this; survey fewer postures at a time.",
-            )
+        if cost[np.arange(len(order)), order].max() >= SAME:
+            return None
+        if (order == np.arange(len(order))).all():
+            return self
         return replace(
             self,
             poles=self.poles[:, order],
@@ -87,33 +85,54 @@ class Block:
         )
 
     @property
+    def where(self) -> Indices | slice:
+        """The places, as a slice where they follow each other: copies are faster then."""
+        first, last = int(self.places[0]), int(self.places[-1])
+        return slice(first, last + 1) if (np.diff(self.places) == 1).all() else self.places
+
+    @property
     def stability(self) -> NDArray[np.int8]:
         """(P,) 1 asymptotically stable, 0 marginal, -1 unstable (Do et al. 2022, section 3.2)."""
-        # The first pole of a slot is the one further right.
-        worst = self.poles[:, :, 0].real.max(axis=1)
-        squares = self.poles.real**2 + self.poles.imag**2
-        tolerance = STABILITY_TOLERANCE * np.sqrt(np.fmax.reduce(squares, axis=(1, 2)))
+        # The first pole of a slot is the one further right; of a pair both have the same size.
+        first = np.ascontiguousarray(self.poles[:, :, 0].T)
+        worst, square = first.real.max(axis=0), (first.real**2 + first.imag**2).max(axis=0)
+        slots = (first.imag == 0).any(axis=1)
+        if slots.any():
+            partners = self.poles[:, slots, 1]
+            square = np.fmax(square, np.fmax.reduce(partners.real**2 + partners.imag**2, axis=1))
+        tolerance = STABILITY_TOLERANCE * np.sqrt(square)
         return np.where(worst > tolerance, -1, np.where(worst >= -tolerance, 0, 1)).astype(np.int8)
 
 
-def compute(field: Field, start: int, stop: int, *, shapes: bool, participation: bool) -> Block:
+def compute(
+    field: Field, start: int, stop: int, known: Complex | None = None, *, shapes: bool, participation: bool
+) -> Block:
     """The block of steps `start` to `stop` (exclusive) of a walk.
 
     Args:
         field: the robot and the walk.
         start: first step.
         stop: step after the last.
+        known: poles (m, 2) of the survey at the place from which the block is followed, if its modes are to be theirs.
         shapes: whether to keep mode shapes.
         participation: whether to keep energy shares.
 
     Raises:
         ModelError: some posture has no modes.
     """
-    # One place more on both sides: to continue from, and to see an event at the last place.
-    first, last = max(start - 1, 0), min(stop + 1, field.walk.count)
-    places = reflected(field.walk.shape, np.arange(first, last))
+    # Places more on both sides: to continue from, and to see an event at the last place.
+    steps = np.arange(max(start - FURTHEST, 0), min(stop + 1, field.walk.count))
+    places = reflected(field.walk.shape, steps)
+    at = nearest = max(start - steps[0] - 1, 0)
+    modes = field.dense(int(places[at]))
+    while at > 0 and not distinct(modes):
+        at -= 1
+        modes = field.dense(int(places[at]))
+    if not distinct(modes):
+        at, modes = nearest, field.dense(int(places[nearest]))
+    first, places = steps[at], places[at:]
     systems = field.at(places)
-    found = follow(field, systems, places)
+    found = follow(field, systems, places, modes, known, shares=participation)
     weight = np.concatenate([np.diag(systems.mass[0]), field.robot.drives.inertia])
     happened = events(found.poles[:, :, 0], found.shapes, weight)
     own = slice(start - first, start - first + stop - start)
@@ -126,5 +145,6 @@ def compute(field: Field, start: int, stop: int, *, shapes: bool, participation:
         method=found.method[own],
         shapes=found.shapes[own] if shapes else None,
         participation=found.shares[own] if participation else None,
-        before=found.poles[0] if first < start else None,
+        start=int(places[0]) if first < start else None,
+        before=found.poles[0],
     )

@@ -82,7 +82,7 @@ class Layout:
 
     def values(self, block: Block) -> dict[str, Values]:
         """The variables of a block, (P, ...) each, in the order of the walk."""
-        poles = block.poles[:, :, 0]
+        poles = np.ascontiguousarray(block.poles[:, :, 0])
         size = np.abs(poles)
         values: dict[str, Any] = {
             "pole": poles,

@@ -24,10 +24,10 @@ TRADED = 0.5
 def events(poles: Complex, shapes: Complex, weight: Array) -> NDArray[np.int8]:
     """What happens to each mode at each place of a stretch; its first and last place are not judged.
 
-    Frequencies that change order between two places have crossed at the second of them, or at the first place in between
-    where they are the same. Where the gap g of two neighbours has its least
-    value, an ideal veering turns their shapes into each other at the rate θ' with 4gθ'² = g'' (the avoided crossing of
-    two modes; du Bois, Adhikari, Lieven 2011 use the same rotation). Modes that only come near do not turn.
+    Frequencies that change order between two places have crossed at the second of them, or at the first in between
+    where they are the same. Where the gap g of two neighbours has its least value, an ideal veering turns their shapes
+    into each other at the rate θ' with 4gθ'² = g'' (the avoided crossing of two modes; du Bois, Adhikari, Lieven 2011
+    use the same rotation). Modes that only come near do not turn.
 
     Args:
         poles: (P, m) of one pole per mode.
@@ -50,47 +50,57 @@ def events(poles: Complex, shapes: Complex, weight: Array) -> NDArray[np.int8]:
     else:
         rank = np.argsort(f, axis=1, kind="stable")
         low, high = rank[:, :-1], rank[:, 1:]
-        now, before, after = (
-            np.take_along_axis(f[i], high, axis=1) - np.take_along_axis(f[i], low, axis=1)
-            for i in (_shifted(P, 0), _shifted(P, -1), _shifted(P, 1))
-        )
-        met = (before < 0) | (now <= TIE * np.take_along_axis(f, high, axis=1))
-        # Of modes that passed several others at once all are marked.
-        for a, b in np.unique(np.sort(np.stack([low[met], high[met]], axis=1), axis=1), axis=0):
+        ordered = np.take_along_axis(f, rank, axis=1)
+        now = np.diff(ordered, axis=1)
+        before, after = now[_shifted(P, -1)], now[_shifted(P, 1)]
+        # Where the order changes, the gap of the same two modes is another one at the place beside.
+        turned = np.flatnonzero((rank[1:] != rank[:-1]).any(axis=1))
+        for gap, row, beside in ((before, turned + 1, turned), (after, turned, turned + 1)):
+            gap[row] = f[beside[:, None], high[row]] - f[beside[:, None], low[row]]
+        tied = now <= TIE * ordered[:, 1:]
+        now = np.where(tied, 0.0, now)
+        rows = np.flatnonzero(((before < 0) | tied).any(axis=1))
+        changed = _order(f[rows, :, None], f[rows, None]) != _order(f[rows - 1, :, None], f[rows - 1, None])
+        for a, b in np.argwhere(np.triu(changed.any(axis=0))):
             out[np.ix_(_passed(f[:, a], f[:, b]), [a, b])] = CROSSING
-    least = (before > now) & (after >= now)
+    least = (before > now) & (after >= now) & (now > 0)
     least[[0, -1]] = False
-    for i, k in np.argwhere(least):
-        a, b = low[i, k], high[i, k]
-        close = now[i, k] < CLOSE * f[i, b]
-        if close and _trade(shapes[i - 1 : i + 2, [a, b]], weight, now[i, k], before[i, k], after[i, k]):
-            out[i, a] = out[i, b] = VEERING
+    i, k = np.nonzero(least & (now < CLOSE * np.take_along_axis(f, high, axis=1)))
+    a, b = low[i, k], high[i, k]
+    around = shapes[i[:, None, None] + np.array([[-1], [0], [1]]), np.stack([a, b], axis=1)[:, None]]
+    traded = _trade(around, weight, now[i, k], before[i, k], after[i, k])
+    for modes in (a, b):
+        out[i[traded], modes[traded]] = VEERING
     return out
+
+
+def _order(f: Array, g: Array) -> Array:
+    """Which of two frequencies is the higher one: one, minus one, or zero where they are the same."""
+    return np.asarray(np.where(np.abs(f - g) > TIE * np.maximum(f, g), np.sign(f - g), 0.0))
 
 
 def _passed(f: Array, g: Array) -> NDArray[np.intp]:
     """The places at which two frequencies pass each other, (c,)."""
-    order = np.where(np.abs(f - g) > TIE * np.maximum(f, g), np.sign(f - g), 0.0)
+    order = _order(f, g)
     apart = np.flatnonzero(order)
-    return apart[:-1][np.diff(order[apart]) != 0] + 1
+    return np.asarray(apart[:-1][np.diff(order[apart]) != 0] + 1, np.intp)
 
 
 def _shifted(P: int, by: int) -> NDArray[np.intp]:
     return np.clip(np.arange(P) + by, 0, P - 1)
 
 
-def _trade(shapes: Complex, weight: Array, now: float, before: float, after: float) -> bool:
-    """Whether two shapes (3, 2, N) turn into each other around the middle place."""
-    a, b = shapes[:, 0], shapes[:, 1]
+def _trade(shapes: Complex, weight: Array, now: Array, before: Array, after: Array) -> NDArray[np.bool_]:
+    """Whether two shapes turn into each other around the middle of three places, (c,) of shapes (c, 3, 2, N)."""
+    a, b = shapes[:, :, 0], shapes[:, :, 1]
 
-    def product(x: Complex, y: Complex) -> complex:
-        return complex(np.sum(x.conj() * weight * y))
+    def product(x: Complex, y: Complex) -> Complex:
+        return np.asarray(np.sum(x.conj() * weight * y, axis=-1))
 
-    def mac(x: Complex, y: Complex) -> float:
-        return float(abs(product(x, y)) ** 2 / max(product(x, x).real * product(y, y).real, 1e-300))
+    def mac(x: Complex, y: Complex) -> Array:
+        return np.asarray(np.abs(product(x, y)) ** 2 / np.maximum(product(x, x).real * product(y, y).real, 1e-300))
 
-    if mac(a[0], b[2]) > mac(a[0], a[2]):
-        return True
-    turn = 0.5 * abs(product(b[1], a[2] - a[0])) / max(product(b[1], b[1]).real, 1e-300)
-    curvature = before - 2.0 * now + after
-    return bool(4.0 * now * turn**2 >= TRADED * curvature)
+    swapped = mac(a[:, 0], b[:, 2]) > mac(a[:, 0], a[:, 2])
+    size = np.maximum(product(b[:, 1], b[:, 1]).real, 1e-300)
+    turn = 0.5 * np.abs(product(b[:, 1], a[:, 2] - a[:, 0])) / size
+    return swapped | (4.0 * now * turn**2 >= TRADED * (before - 2.0 * now + after))

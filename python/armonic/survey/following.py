@@ -25,17 +25,23 @@ if TYPE_CHECKING:
     Complex: TypeAlias = NDArray[np.complex128]
 
 CONTINUATION, DENSE = 0, 1
+ONE = 1e-8
+"""Poles closer than this share of their size have no shapes of their own, only a common plane of them."""
 FIRST_WINDOW = 8
 """After a fall-back so many systems are tried at first, so that a stretch of failures costs little."""
 
 
 @dataclass
 class State:
-    """Modes at one place: poles (m, 2), the second NaN where a slot has one; shapes (m, 2, N), shares (m, 2, n)."""
+    """Modes at one place: poles (m, 2), the second NaN where a slot has one; shapes (m, 2, N), shares (m, 2, n).
+
+    The next place is matched with `known`, (m, 2, N): the shapes, or where poles are equal the last before they were.
+    """
 
     poles: Complex
     shapes: Complex
     shares: Array
+    known: Complex
 
     @property
     def real(self) -> NDArray[np.bool_]:
@@ -51,7 +57,7 @@ class Stretch:
         poles: (P, m, 2), rad/s; of a pair Im > 0 first, of two real poles the one further right.
         shapes: (P, m, N) of the first pole of each slot, scaled to uᴴMu = 1.
         shares: (P, m, n) of each coordinate's springs in the elastic energy.
-        mac: (P, m) with the shape before, one at the first and after a fall-back.
+        mac: (P, m) with the shape before, one at the first; in continuation the least over the parts of a step.
         residual: (P,) the largest over all modes as a share of what is tolerated; NaN from the dense solver.
         method: (P,) `CONTINUATION` or `DENSE`.
     """
@@ -64,19 +70,32 @@ class Stretch:
     method: NDArray[np.int8]
 
 
-def follow(field: Field, systems: Systems, places: Indices) -> Stretch:
+def distinct(found: Modes) -> bool:
+    """Whether every pole that swings differs from the others, so that its shape is known."""
+    poles = found.poles[found.oscillatory]
+    return bool((apart(poles[:, None], poles)[np.tril_indices(len(poles), -1)] >= ONE).all())
+
+
+def follow(
+    field: Field, systems: Systems, places: Indices, first: Modes, known: Complex | None = None, *, shares: bool = True
+) -> Stretch:
     """All modes at every one of P places, sorted by natural frequency at the first and kept in order from there.
+
+    With `known` the order at the first place is that of these poles.
 
     Args:
         field: where the dense solver finds the systems.
         systems: the systems at those places.
         places: the places, neighbours following each other, (P,).
+        first: modes at the first of them.
+        known: the same poles in slots, (m, 2).
+        shares: whether energy shares are wanted; without, there are none of any coordinate.
 
     Raises:
         ModelError: some system has no modes (singular mass matrix).
     """
-    count, n = len(places), systems.mass.shape[-1]
-    state = _sorted_slots(field.dense(int(places[0])), n)
+    count, n = len(places), systems.mass.shape[-1] if shares else 0
+    state = _sorted_slots(first, n) if known is None else _slots_of(known, first, n)
     m, _, N = state.shapes.shape
     out = Stretch(
         poles=np.empty((count, m, 2), complex),
@@ -100,7 +119,7 @@ def follow(field: Field, systems: Systems, places: Indices) -> Stretch:
         if here >= count:
             return out
         window = FIRST_WINDOW
-        state = _matched(field.dense(int(places[here])), state)
+        state, out.mac[here] = _matched(field.dense(int(places[here])), state)
         _put(out, here, state)
 
 
@@ -121,7 +140,7 @@ def _continued(systems: Systems, places: list[int], state: State, out: Stretch, 
         systems.stiffness,
         systems.drives,
         places,
-        systems.springs,
+        systems.springs if state.shares.shape[2] else systems.springs[:0],
         state.poles[there],
         np.ascontiguousarray(state.shapes[there][:, : systems.mass.shape[-1]]),
     )
@@ -135,7 +154,11 @@ def _continued(systems: Systems, places: list[int], state: State, out: Stretch, 
         out.method[0] = CONTINUATION
     # Without real pairs every slot has one track, and the arrays of the core serve as they are.
     own = slice(None) if not state.real.any() else np.flatnonzero(which == 0)
-    out.poles[rows, :, 0], out.shapes[rows], out.shares[rows] = poles[:, own], shapes[:, own], shares[:, own]
+    out.poles[rows, :, 0] = poles[:, own]
+    if reached == len(out.poles):
+        out.shapes, out.shares = shapes[:, own], shares[:, own]
+    else:
+        out.shapes[rows], out.shares[rows] = shapes[:, own], shares[:, own]
     out.mac[here + 1 : here + reached] = mac[1:, own]
     out.poles[rows, :, 1] = out.poles[rows, :, 0].conj()
     out.poles[rows, state.real, 1] = np.nan
@@ -150,6 +173,7 @@ def _continued(systems: Systems, places: list[int], state: State, out: Stretch, 
     last.poles[there], last.shapes[there], last.shares[there] = poles[-1], shapes[-1], shares[-1]
     last.poles[~state.real, 1] = last.poles[~state.real, 0].conj()
     _rightmost_first(last)
+    last.known = last.shapes
     return here + reached - 1, last
 
 
@@ -178,7 +202,8 @@ def _split(found: Modes, n: int) -> tuple[_Found, _Found]:
 
 
 def _empty(m: int, N: int, n: int) -> State:
-    return State(np.full((m, 2), np.nan + 0j), np.zeros((m, 2, N), complex), np.zeros((m, 2, n)))
+    shapes = np.zeros((m, 2, N), complex)
+    return State(np.full((m, 2), np.nan + 0j), shapes, np.zeros((m, 2, n)), shapes)
 
 
 def _fill(state: State, slot: Any, which: Any, found: _Found, chosen: Any) -> None:
@@ -188,27 +213,56 @@ def _fill(state: State, slot: Any, which: Any, found: _Found, chosen: Any) -> No
 
 
 def _sorted_slots(found: Modes, n: int) -> State:
-    """Slots sorted by natural frequency; real poles share slots two by two, from the slowest."""
+    """Slots sorted by natural frequency; real poles whose shapes are most alike share a slot, two by two."""
     pairs, reals = _split(found, n)
     k, r = len(pairs.poles), len(reals.poles)
     state = _empty(k + (r + 1) // 2, found.shapes.shape[0], n)
     _fill(state, np.arange(k), 0, pairs, np.arange(k))
     state.poles[:k, 1] = pairs.poles.conj()
-    _fill(state, k + np.arange(r) // 2, np.arange(r) % 2, reals, np.arange(r))
+    chosen = _couples(_alike(reals.shapes, found.mass, reals.shapes))
+    _fill(state, k + np.arange(r) // 2, np.arange(r) % 2, reals, chosen)
     _rightmost_first(state)
     order = np.argsort(np.abs(state.poles[:, 0]), kind="stable")
-    return State(state.poles[order], state.shapes[order], state.shares[order])
+    return State(state.poles[order], state.shapes[order], state.shares[order], state.shapes[order])
 
 
-def _matched(found: Modes, before: State) -> State:
-    """Modes of the dense solver in the slots that they continue: pairs first, real poles in the slots that are left."""
+def _slots_of(known: Complex, found: Modes, n: int) -> State:
+    """The modes in the slots of poles (m, 2) that are known to be the same."""
+    before = _empty(len(known), found.shapes.shape[0], n)
+    before.poles = known
+    state, _ = _matched(found, before)
+    state.known = state.shapes
+    return state
+
+
+def _couples(alike: Array) -> list[int]:
+    """An order of r real poles in which neighbours two by two are the most alike; if equally so, from the slowest.
+
+    The poles of an oscillator that is damped too much to swing have one shape.
+    """
+    rest, order = list(range(len(alike))), list[int]()
+    likeness = np.round(np.triu(alike, 1), 6)
+    while len(rest) > 1:
+        i, j = divmod(int(np.argmax(likeness[np.ix_(rest, rest)])), len(rest))
+        order += [rest[i], rest[max(j, i + 1)]]
+        rest = [k for k in rest if k not in order]
+    return order + rest
+
+
+def _matched(found: Modes, before: State) -> tuple[State, Array]:
+    """Modes of the dense solver in the slots that they continue: pairs first, real poles in the slots that are left.
+
+    With them comes the modal assurance criterion with the shapes before, (m,).
+    """
     m, n = len(before.poles), before.shares.shape[2]
     pairs, reals = _split(found, n)
     state = _empty(m, before.shapes.shape[2], n)
     # A slot of real poles meets the axis half way between them.
     middle = np.where(before.real, np.nanmean(before.poles, axis=1), before.poles[:, 0])
-    product = np.abs(before.shapes[:, 0].conj() @ found.mass @ pairs.shapes.T) ** 2
-    cost = _apart(middle[:, None], pairs.poles) + np.where(before.real[:, None], 0.0, 0.5 * (1.0 - product))
+    alike = _alike(before.known, found.mass, pairs.shapes).max(axis=1)
+    # Of equal poles any shapes in their plane may have been found.
+    alike = alike @ (apart(pairs.poles[:, None], pairs.poles) < ONE)
+    cost = apart(middle[:, None], pairs.poles) + 0.5 * (1.0 - alike)
     slots, chosen = linear_sum_assignment(cost)
     _fill(state, slots, 0, pairs, chosen)
     state.poles[slots, 1] = pairs.poles[chosen].conj()
@@ -216,18 +270,29 @@ def _matched(found: Modes, before: State) -> State:
     if left.size:
         slot, which = np.repeat(left, 2), np.tile([0, 1], left.size)
         wanted = np.where(before.real[slot], before.poles[slot, which], before.poles[slot, 0].real)
+        alike = _alike(before.known, found.mass, reals.shapes)[slot, np.where(before.real[slot], which, 0)]
         # A slot with one pole wants nothing in its second place.
-        cost = np.where(np.isnan(wanted)[:, None], 2.0, _apart(wanted[:, None], reals.poles))
+        cost = np.where(np.isnan(wanted)[:, None], 2.0, apart(wanted[:, None], reals.poles) + 0.5 * (1.0 - alike))
         places, chosen = linear_sum_assignment(cost)
         _fill(state, slot[places], which[places], reals, chosen)
         for k in left[np.isnan(state.poles[left, 0])]:
             for values in (state.poles, state.shapes, state.shares):
                 values[k] = values[k, ::-1].copy()
     _rightmost_first(state)
-    return state
+    same = apart(state.poles[:, :1], state.poles[:, 0]) < ONE
+    likeness = (_alike(before.known, found.mass, state.shapes[:, 0])[:, 0] * same).sum(axis=1)
+    state.known = np.where((same.sum(axis=1) > 1)[:, None, None], before.known, state.shapes)
+    return state, np.minimum(likeness, 1.0)
 
 
-def _apart(a: Complex, b: Complex) -> Array:
+def _alike(shapes: Complex, mass: Array, others: Complex) -> Array:
+    """Modal assurance criterion of shapes (..., N) with others (k, N) of length one, (..., k)."""
+    momenta = shapes.conj() @ mass
+    size = np.sum(momenta * shapes, axis=-1).real
+    return np.asarray(np.abs(momenta @ others.T) ** 2 / np.where(size > 0, size, 1.0)[..., None])
+
+
+def apart(a: Complex, b: Complex) -> Array:
     """Distance of poles relative to their size, between 0 and 1."""
     size = np.abs(a) + np.abs(b)
     return np.asarray(np.abs(a - b) / np.where(size > 0, size, 1.0))

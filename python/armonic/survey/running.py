@@ -24,14 +24,20 @@ from armonic.survey.walk import block_shape, blocks, walk_of
 if TYPE_CHECKING:
     import xarray as xr
     from distributed import Client
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
 
     from armonic.robot import Robot
 
     Span: TypeAlias = tuple[int, int, tuple[slice, ...]]
-    Submit: TypeAlias = Callable[[int, int], Callable[[], Block]]
+    Complex: TypeAlias = NDArray[np.complex128]
+    Submit: TypeAlias = Callable[[int, int, Complex | None], Callable[[], Block]]
 
-POSTURES_PER_BLOCK = 4096
+POSTURES_PER_BLOCK = 16384
+FEWEST_BLOCKS = 6
+FEWEST_PER_BLOCK = 256
+"""The dense solver at the start of a block costs as much as following through that many postures."""
+CONNECTED_WITHIN = "10s"
+"""How long to wait for a scheduler to answer."""
 BYTES_PER_BLOCK = 32e6
 """Shapes of one block; blocks of robots with many modes are shorter."""
 
@@ -86,6 +92,7 @@ def survey(
         PostureError: a posture, wrench or frame does not fit the robot.
         ModelError: a posture has no modes, or nothing can deflect.
         UpdateError: a swept path is no number of the robot file.
+        RobotFileError: a swept value is impossible, such as a negative mass.
     """
     walk, load = walk_of(robot, postures, sweep), load_of(robot, wrench, frame, wrench_axes)
     field = Field(robot, walk, load)
@@ -94,7 +101,8 @@ def survey(
     poles = 2 * int(first.oscillatory.sum()) + int((~first.oscillatory).sum())
     layout = Layout(field, (poles + 1) // 2, shapes, participation)
     size = 16.0 * layout.modes * first.shapes.shape[0]
-    block = block_shape(field.walk.shape, max(16, int(min(POSTURES_PER_BLOCK, BYTES_PER_BLOCK / size))))
+    most = max(16, int(min(POSTURES_PER_BLOCK, BYTES_PER_BLOCK / size)))
+    block = block_shape(walk.shape, _even(walk.count, most))
     with _workers(field, layout, threads, client) as (submit, ahead):
         if store is not None:
             return _into_store(layout, block, store, submit, ahead, progress)
@@ -112,12 +120,14 @@ def _in_memory(
     _refuse_without_memory(layout)
     values = layout.empty()
     flat = {name: array.reshape(walk.count, *array.shape[len(walk.shape) :]) for name, array in values.items()}
-    last = None
-    for (_, stop, _), made in _in_order(blocks(walk.shape, block), submit, ahead):
-        named = made.named_after(last)
-        last = named.poles[-1]
-        for name, rows in layout.values(named).items():
-            flat[name][named.places] = rows
+
+    def poles(place: int) -> Complex:
+        return np.stack([flat[name][place] for name in ("pole", "partner")], axis=-1)
+
+    for (_, stop, _), made in _in_order(blocks(walk.shape, block), submit, ahead, poles):
+        where = made.where
+        for name, rows in layout.values(made).items():
+            flat[name][where] = rows
         if progress is not None:
             progress(stop, walk.count)
     return layout.dataset(values)
@@ -132,35 +142,50 @@ def _into_store(
     progress: Callable[[int, int], None] | None,
 ) -> xr.Dataset:
     from armonic.survey.store import Store
-    from armonic.survey.walk import reflected
 
     walk = layout.field.walk
     store = Store(path, layout, block)
     done = store.done
-    last = store.last(int(reflected(walk.shape, np.array([done - 1]))[0])) if 0 < done < walk.count else None
+    last: dict[int, Complex] = {}
+
+    def poles(place: int) -> Complex:
+        return last[place] if place in last else store.poles(place)
+
     if progress is not None:
         progress(done, walk.count)
     rest = (span for span in blocks(walk.shape, block) if span[1] > done)
-    for (_, stop, box), made in _in_order(rest, submit, ahead):
-        named = made.named_after(last)
-        last = named.poles[-1]
-        store.write(box, named.places, layout.values(named), stop)
+    for (_, stop, box), made in _in_order(rest, submit, ahead, poles):
+        last = {int(made.places[-1]): made.poles[-1]}
+        store.write(box, made.places, layout.values(made), stop)
         if progress is not None:
             progress(stop, walk.count)
     return store.dataset()
 
 
-def _in_order(spans: Iterator[Span], submit: Submit, ahead: int) -> Iterator[tuple[Span, Block]]:
-    """Blocks in the order of the walk, `ahead` of them under way at a time."""
+def _in_order(
+    spans: Iterator[Span], submit: Submit, ahead: int, poles: Callable[[int], Complex]
+) -> Iterator[tuple[Span, Block]]:
+    """Blocks in the order of the walk with their modes in that of the survey, `ahead` of them under way at a time.
+
+    `poles` gives those (m, 2) at a place of a block that came before.
+    """
     under_way: deque[tuple[Span, Callable[[], Block]]] = deque()
+
+    def named() -> tuple[Span, Block]:
+        span, result = under_way.popleft()
+        block = result()
+        if block.start is None:
+            return span, block
+        known = poles(block.start)
+        # Real poles may share slots in another way than here; such a block is made again from the slots of the survey.
+        return span, block.named_after(known) or submit(span[0], span[1], known)()
+
     for span in spans:
-        under_way.append((span, submit(span[0], span[1])))
+        under_way.append((span, submit(span[0], span[1], None)))
         if len(under_way) > ahead:
-            done, result = under_way.popleft()
-            yield done, result()
+            yield named()
     while under_way:
-        done, result = under_way.popleft()
-        yield done, result()
+        yield named()
 
 
 @contextmanager
@@ -175,27 +200,36 @@ def _workers(
         return
     count = _threads(threads)
     if count == 1 or field.walk.count == 1:
-        yield lambda start, stop: lambda: compute(field, start, stop, **wanted), 0
+        yield lambda start, stop, known: lambda: compute(field, start, stop, known, **wanted), 0
         return
     with ThreadPoolExecutor(count, thread_name_prefix="survey") as pool:
         try:
-            yield lambda start, stop: pool.submit(compute, field, start, stop, **wanted).result, count
+            yield lambda start, stop, known: pool.submit(compute, field, start, stop, known, **wanted).result, count
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _even(count: int, most: int) -> int:
+    """Postures of a block, at most so many; an even number of blocks, so that two threads end together.
+
+    It does not depend on the number of threads, for the last digits of the result do depend on the blocks.
+    """
+    wanted = max(FEWEST_BLOCKS, 2 * math.ceil(count / (2 * most)))
+    return min(most, max(FEWEST_PER_BLOCK, math.ceil(count / wanted)))
 
 
 def _threads(threads: int | None) -> int:
     if threads is None:
         return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    if not (isinstance(threads, int) and 1 <= threads <= 1024):
-        raise SurveyError("threads", found=f"{threads!r}", expected="a number from 1 to 1024")
-    return threads
+    if not (isinstance(threads, int | np.integer) and not isinstance(threads, bool) and 1 <= threads <= 1024):
+        raise SurveyError("threads", found=f"{threads!r:.60}", expected="a number from 1 to 1024")
+    return int(threads)
 
 
 @contextmanager
 def _cluster(field: Field, wanted: dict[str, bool], client: Client | str) -> Iterator[tuple[Submit, int]]:
     try:
-        from distributed import Client as Connection
+        import distributed
     except ImportError:
         raise SurveyError(
             "client",
@@ -203,20 +237,36 @@ def _cluster(field: Field, wanted: dict[str, bool], client: Client | str) -> Ite
             expected="the package distributed",
             hint="Install it: pip install 'armonic[dask]'.",
         ) from None
+
+    class Connection(distributed.Client):
+        def __init__(self, address: str) -> None:
+            try:
+                super().__init__(address, timeout=CONNECTED_WITHIN, set_as_default=False)  # type: ignore[no-untyped-call]
+            except BaseException:
+                # What is half made would be closed by the garbage collector, where it can wait for itself for ever.
+                self.close()  # type: ignore[no-untyped-call]
+                raise
+
     own = None
     if isinstance(client, str):
         try:
-            client = own = Connection(client, timeout="10s")  # type: ignore[no-untyped-call]
+            client = own = Connection(client)
         except (OSError, ValueError) as error:
             found = f"no scheduler ({str(error).splitlines()[0] if str(error) else type(error).__name__:.80})"
             raise SurveyError(
                 f"scheduler {client}", found=found, expected="the address of a running one, such as tcp://host:8786"
             ) from error
+    elif not isinstance(client, distributed.Client):
+        expected = "a distributed.Client or the address of a scheduler"
+        raise SurveyError("client", found=f"{client!r:.60}", expected=expected)
     try:
         # A task, not scattered data: what a lost worker held is made again by another.
         there = client.submit(pickle.loads, pickle.dumps(field), pure=False)
         workers = max(1, sum(client.nthreads().values()))  # type: ignore[no-untyped-call]
-        yield lambda start, stop: client.submit(compute, there, start, stop, **wanted, pure=False).result, 2 * workers
+        yield (
+            lambda start, stop, known: client.submit(compute, there, start, stop, known, **wanted, pure=False).result,
+            2 * workers,
+        )
     finally:
         if own is not None:
             own.close()  # type: ignore[no-untyped-call]

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import zarr
-from zarr.codecs import BloscCodec
 
 from armonic.errors import SurveyError
+from armonic.survey import chunks
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -53,17 +53,13 @@ class Store:
                 raise
             found = f"a place that cannot be used ({getattr(error, 'strerror', None) or error})"
             raise SurveyError(str(path), found=found, expected="a new folder, or the store of this survey") from error
-        self._arrays = {v.name: self._array(v.name) for v, _, _ in layout.variables()}
-
-    def _array(self, name: str) -> zarr.Array[Any]:
-        array = self._group[name]
-        assert isinstance(array, zarr.Array)
-        return array
+        names = [*(variable.name for variable, _, _ in layout.variables()), DONE]
+        self._arrays = {name: _array(self._group, name) for name in names}
 
     @property
     def done(self) -> int:
         """Postures of the walk that are in the store."""
-        return int(np.asarray(self._array(DONE)[...]))
+        return int(np.asarray(self._arrays[DONE][...]))
 
     def write(self, box: tuple[slice, ...], places: NDArray[np.intp], values: dict[str, Values], done: int) -> None:
         """Add a block, then count it.
@@ -75,15 +71,24 @@ class Store:
             done: postures of the walk in the store when this block is there.
         """
         shape = tuple(part.stop - part.start for part in box)
-        index = np.unravel_index(places, self._layout.field.walk.shape)
-        flat = np.ravel_multi_index(tuple(i - part.start for i, part in zip(index, box, strict=True)), shape)
+        there = np.unravel_index(places, self._layout.field.walk.shape)
+        flat = np.ravel_multi_index(tuple(i - part.start for i, part in zip(there, box, strict=True)), shape)
+        index = tuple(part.start // size for part, size in zip(box, self._block, strict=True))
         for name, rows in values.items():
-            filled = np.empty_like(rows)
-            filled[flat] = rows
-            self._arrays[name][box] = filled.reshape(*shape, *rows.shape[1:])
-        self._array(DONE)[...] = done
+            tail = rows.shape[1:]
+            # Chunks are whole on disk, also where they stick out of the array.
+            whole = np.full(self._block + tail, self._arrays[name].fill_value, rows.dtype)
+            ordered = np.empty_like(rows)
+            ordered[flat] = rows
+            whole[tuple(slice(size) for size in shape)] = ordered.reshape(shape + tail)
+            self._put(name, index + (0,) * len(tail), whole)
+        self._put(DONE, (), np.array(done))
 
-    def last(self, place: int) -> NDArray[np.complex128]:
+    def _put(self, name: str, index: tuple[int, ...], chunk: Values) -> None:
+        key = self._arrays[name].metadata.encode_chunk_key(index)
+        chunks.write(self.path / name / key, chunk)
+
+    def poles(self, place: int) -> NDArray[np.complex128]:
         """Poles (m, 2) at a posture that is in the store."""
         index = tuple(int(i) for i in np.unravel_index(place, self._layout.field.walk.shape))
         pairs = [np.asarray(self._arrays[name][index]) for name in ("pole", "partner")]
@@ -94,7 +99,7 @@ class Store:
         import xarray as xr
 
         stored: xr.Dataset = xr.open_zarr(self.path, consolidated=False, chunks=None)
-        return stored[[*self._arrays, DONE]]
+        return stored[list(self._arrays)]
 
     def _created(self) -> zarr.Group:
         """A new group, made beside its place and moved there whole."""
@@ -109,7 +114,8 @@ class Store:
                     shape=shape,
                     chunks=(*self._block, *tail),
                     dtype=variable.dtype,
-                    compressors=_compressor(variable.dtype),
+                    compressors=chunks.compressor(variable.dtype),
+                    chunk_key_encoding=chunks.KEYS,
                     dimension_names=dims,
                     attributes={"units": variable.units, "long_name": variable.long_name},
                     fill_value=_nothing(variable.dtype),
@@ -122,6 +128,7 @@ class Store:
                 DONE,
                 shape=(),
                 dtype="i8",
+                compressors=chunks.compressor("i8"),
                 dimension_names=(),
                 attributes={"long_name": "postures that are in this map"},
             )
@@ -150,6 +157,10 @@ class Store:
         if there["spec"] != wanted["spec"]:
             found = f"another survey of this robot ({_differs(str(there['spec']), str(wanted['spec']))})"
             raise SurveyError(str(self.path), found=found, expected="the survey that is asked for", hint=hint)
+        block = _array(group, "pole").chunks[: len(self._block)]
+        if block != self._block:
+            found = f"a map in parts of {' x '.join(map(str, block))} postures, as another version makes them"
+            raise SurveyError(str(self.path), found=found, expected=f"parts of {self._block}", hint=hint)
         for leftover in self.path.rglob("*.partial"):
             leftover.unlink(missing_ok=True)
         return group
@@ -171,9 +182,10 @@ class Store:
             )
 
 
-def _compressor(dtype: str) -> BloscCodec:
-    """Fast rather than tight: the last digits of poles do not shrink."""
-    return BloscCodec(cname="lz4", clevel=1, shuffle="shuffle", typesize=min(8, np.dtype(dtype).itemsize))
+def _array(group: zarr.Group, name: str) -> zarr.Array[Any]:
+    array = group[name]
+    assert isinstance(array, zarr.Array)
+    return array
 
 
 def _nothing(dtype: str) -> Any:

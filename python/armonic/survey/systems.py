@@ -109,6 +109,7 @@ class Field:
 
         Raises:
             SurveyError: an integral gain is zero for some values of the sweep only, so that poles come and go.
+            RobotFileError: the smallest or largest value of a sweep is impossible.
             ModelError: nothing can deflect.
         """
         if self.keep.size == 0:
@@ -118,6 +119,9 @@ class Field:
                 expected="at least one",
                 hint="Give a joint an `elasticity` or a `drive`.",
             )
+        for values in self.walk.sweep.values():
+            for row in (np.argmin(values), np.argmax(values)):
+                self.variant(int(row))
         swept = [path for path in self.walk.sweep if "ki" in path.split(".")[-2:] or "link_ki" in path]
         for path in swept:
             values = self.walk.sweep[path]

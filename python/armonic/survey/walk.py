@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 LARGEST_MAP = 2**40
 """Postures beyond this are a mistake: they would take a year."""
+LONGEST_LIST = 10**8
+"""Postures one by one, which stand in memory."""
 
 
 @dataclass(frozen=True)
@@ -180,13 +182,12 @@ def walk_of(robot: Robot, postures: Any, sweep: Mapping[str, ArrayLike] | None) 
         SurveyError: names, values or lengths do not fit, or the map is too large.
         PostureError: a posture does not fit the robot.
     """
-    swept = _sweep_values(robot, sweep or {})
+    swept = _sweep_values(robot, {} if sweep is None else sweep)
     axes = [next(iter(swept))] if swept else []
     shape = [len(next(iter(swept.values())))] if swept else []
     if isinstance(postures, Grid):
-        values = {name: _axis(robot, name, given) for name, given in postures.values.items()}
-        if not values:
-            raise SurveyError("grid", found="no coordinate", expected="values of at least one coordinate")
+        given = _named("grid", postures.values, "values of at least one coordinate")
+        values = {name: _axis("grid", robot, name, row) for name, row in given.items()}
         columns = tuple(robot.coordinates.index(name) for name in values)
         shape += [len(v) for v in values.values()]
         _refuse_too_many(shape)
@@ -223,13 +224,23 @@ def path(robot: Robot, through: Sequence[Any], points: int) -> Array:
         PostureError: a posture does not fit the robot.
         SurveyError: too few postures or points.
     """
-    corners = np.array([robot.posture(posture) for posture in through])
-    if len(corners) < 2 or points < 2:
-        found = f"{len(corners)} postures and {points} points"
-        raise SurveyError("path", found=found, expected="at least two of each")
+    corners = np.array([robot.posture(posture) for posture in ([through] if isinstance(through, str) else through)])
+    if len(corners) < 2 or not _whole(points, 2, LONGEST_LIST):
+        found = f"{len(corners)} postures and {points!r:.60} points"
+        raise SurveyError("path", found=found, expected=f"at least two of each, and at most {LONGEST_LIST} points")
     where = np.linspace(0.0, len(corners) - 1.0, points)
     knots = np.arange(len(corners))
     return np.stack([np.interp(where, knots, column) for column in corners.T], axis=1)
+
+
+def _whole(value: object, least: int, most: int) -> bool:
+    return isinstance(value, int | np.integer) and not isinstance(value, bool) and bool(least <= value <= most)
+
+
+def _named(where: str, given: object, expected: str) -> Mapping[str, Any]:
+    if not isinstance(given, Mapping) or not given or not all(isinstance(name, str) for name in given):
+        raise SurveyError(where, found=f"{given!r:.60}", expected=f"{expected}, by name")
+    return given
 
 
 def _is_one(robot: Robot, postures: Any) -> bool:
@@ -250,14 +261,7 @@ def _unit(entry: Any) -> bool:
 
 
 def _listed(robot: Robot, postures: Any) -> Array:
-    try:
-        rows = list(postures)
-    except TypeError:
-        found = f"{type(postures).__name__}"
-        raise SurveyError("postures", found=found, expected="a path, a Grid, a Sample or a list of postures") from None
-    if not rows:
-        raise SurveyError("postures", found="an empty list", expected="at least one posture")
-    if isinstance(postures, np.ndarray) and postures.ndim == 2 and postures.dtype == np.float64:
+    if isinstance(postures, np.ndarray) and postures.ndim == 2 and postures.dtype == np.float64 and len(postures):
         n, joints = len(robot.coordinates), len(robot.joint_coordinates)
         if not np.isfinite(postures).all():
             row = int(np.flatnonzero(~np.isfinite(postures).all(axis=1))[0])
@@ -268,6 +272,15 @@ def _listed(robot: Robot, postures: Any) -> Array:
             q = np.zeros((len(postures), n))
             q[:, list(robot.tree.joint_indices)] = postures
             return q
+    try:
+        rows = list(postures)
+        if getattr(postures, "ndim", 2) != 2:
+            raise TypeError
+    except TypeError:
+        found = f"{type(postures).__name__} {' x '.join(map(str, getattr(postures, 'shape', ())))}".strip()
+        raise SurveyError("postures", found=found, expected="a path, a Grid, a Sample or a list of postures") from None
+    if not rows:
+        raise SurveyError("postures", found="an empty list", expected="at least one posture")
     return np.array([robot.posture(row) for row in rows])
 
 
@@ -275,11 +288,11 @@ def _base(robot: Robot, base: Any) -> Array:
     return np.zeros(len(robot.coordinates)) if base is None else robot.posture(base)
 
 
-def _axis(robot: Robot, name: str, given: ArrayLike) -> Array:
+def _axis(where: str, robot: Robot, name: str, given: ArrayLike) -> Array:
     if name not in robot.coordinates:
         expected = f"a coordinate of the robot: {', '.join(robot.coordinates)}"
-        raise SurveyError("grid", found=repr(name), expected=expected)
-    return _values(f"grid, {name}", given)
+        raise SurveyError(where, found=repr(name), expected=expected)
+    return _values(f"{where}, {name}", given)
 
 
 def _values(where: str, given: ArrayLike) -> Array:
@@ -295,6 +308,8 @@ def _values(where: str, given: ArrayLike) -> Array:
 
 
 def _sweep_values(robot: Robot, sweep: Mapping[str, ArrayLike]) -> dict[str, Array]:
+    if not (isinstance(sweep, Mapping) and not sweep):
+        sweep = _named("sweep", sweep, "values of at least one number of the robot file")
     swept = {path: _values(f"sweep, {path}", given) for path, given in sweep.items()}
     lengths = {len(values) for values in swept.values()}
     if len(lengths) > 1:
@@ -317,13 +332,16 @@ def _sampled(robot: Robot, sample: Sample) -> Array:
 
     if sample.kind not in ("sobol", "random"):
         raise SurveyError("sample", found=f"the kind {sample.kind!r}", expected='"sobol" or "random"')
-    if not (isinstance(sample.count, int | np.integer) and 1 <= sample.count <= 10**8):
-        raise SurveyError("sample", found=f"a count of {sample.count!r}", expected="1 to 100 000 000 postures")
-    if not sample.ranges:
-        raise SurveyError("sample", found="no coordinate", expected="a range of at least one coordinate")
+    if not _whole(sample.count, 1, LONGEST_LIST):
+        expected = f"1 to {LONGEST_LIST} postures"
+        raise SurveyError("sample", found=f"a count of {sample.count!r:.60}", expected=expected)
+    if not _whole(sample.seed, 0, 2**63):
+        raise SurveyError(
+            "sample", found=f"the seed {sample.seed!r:.60}", expected="a whole number that is not negative"
+        )
     low, high = [], []
-    for name, ends in sample.ranges.items():
-        values = _axis(robot, name, np.asarray(ends, float))
+    for name, ends in _named("sample", sample.ranges, "a range of at least one coordinate").items():
+        values = _axis("sample", robot, name, ends)
         if len(values) != 2 or values[0] > values[1]:
             raise SurveyError(f"sample, {name}", found=f"{ends!r:.60}", expected="lowest and highest value")
         low.append(values[0])
