@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from armonic.robot import Robot, load
     from armonic.stability import GainMargin, gain_margins
     from armonic.state_space import StateSpace
-    from armonic.survey import Grid, Sample, path, survey
+    from armonic.surveying import Grid, Sample, path, survey
     from armonic.synthesis import frf, responses
     from armonic.updating import Fit, FittedParameter, Measurement, peak_weights, update
 
@@ -104,7 +104,7 @@ _HOME = {
     "robot": ("Robot", "load"),
     "stability": ("GainMargin", "gain_margins"),
     "state_space": ("StateSpace",),
-    "survey": ("Grid", "Sample", "path", "survey"),
+    "surveying": ("Grid", "Sample", "path", "survey"),
     "synthesis": ("frf", "responses"),
     "updating": ("Fit", "FittedParameter", "Measurement", "peak_weights", "update"),
 }  # fmt: skip

@@ -96,7 +96,7 @@ def map_(
     swept = ranges.sweep(the_robot, sweep or (), tool_mass)
     where = _postures(the_robot, path, points, grid or (), sample or (), number, seed, posture, swept)
 
-    from armonic.survey import survey
+    from armonic.surveying import survey
 
     with steps_progress("Mapping", "postures") as progress:
         result = survey(
@@ -136,8 +136,8 @@ def _postures(
     Raises:
         UsageError: none or several of them.
     """
-    from armonic.survey import Grid, Sample
-    from armonic.survey import path as through
+    from armonic.surveying import Grid, Sample
+    from armonic.surveying import path as through
 
     given = [name for name, value in (("--path", path), ("--grid", grid), ("--sample", sample)) if value]
     if len(given) > 1 or not (given or swept):

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from armonic.modal import Modes
-    from armonic.survey.systems import Field, Systems
-    from armonic.survey.walk import Indices
+    from armonic.surveying.systems import Field, Systems
+    from armonic.surveying.walk import Indices
 
     Array: TypeAlias = NDArray[np.float64]
     Complex: TypeAlias = NDArray[np.complex128]

@@ -16,10 +16,10 @@ import numpy as np
 
 from armonic.errors import SurveyError
 from armonic.loads import WrenchAxes, load_of
-from armonic.survey.block import Block, compute
-from armonic.survey.dataset import Layout
-from armonic.survey.systems import Field
-from armonic.survey.walk import block_shape, blocks, walk_of
+from armonic.surveying.block import Block, compute
+from armonic.surveying.dataset import Layout
+from armonic.surveying.systems import Field
+from armonic.surveying.walk import block_shape, blocks, walk_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -141,7 +141,7 @@ def _into_store(
     ahead: int,
     progress: Callable[[int, int], None] | None,
 ) -> xr.Dataset:
-    from armonic.survey.store import Store
+    from armonic.surveying.store import Store
 
     walk = layout.field.walk
     store = Store(path, layout, block)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from armonic.robot import Robot
-    from armonic.survey.walk import Indices, Walk
+    from armonic.surveying.walk import Indices, Walk
 
     Array: TypeAlias = NDArray[np.float64]
 

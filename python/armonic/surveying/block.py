@@ -14,15 +14,15 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from armonic.modal import STABILITY_TOLERANCE
-from armonic.survey.events import events
-from armonic.survey.following import apart, distinct, follow
-from armonic.survey.walk import reflected
+from armonic.surveying.events import events
+from armonic.surveying.following import apart, distinct, follow
+from armonic.surveying.walk import reflected
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from armonic.survey.systems import Field
-    from armonic.survey.walk import Indices
+    from armonic.surveying.systems import Field
+    from armonic.surveying.walk import Indices
 
     Array: TypeAlias = NDArray[np.float64]
     Complex: TypeAlias = NDArray[np.complex128]

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-    from armonic.survey.block import Block
-    from armonic.survey.systems import Field
+    from armonic.surveying.block import Block
+    from armonic.surveying.systems import Field
 
     Values: TypeAlias = NDArray[Any]
 

@@ -14,13 +14,13 @@ import numpy as np
 import zarr
 
 from armonic.errors import SurveyError
-from armonic.survey import chunks
+from armonic.surveying import chunks
 
 if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-    from armonic.survey.dataset import Layout
+    from armonic.surveying.dataset import Layout
 
     Values: TypeAlias = NDArray[Any]
 
@@ -76,12 +76,14 @@ class Store:
         index = tuple(part.start // size for part, size in zip(box, self._block, strict=True))
         for name, rows in values.items():
             tail = rows.shape[1:]
-            # Chunks are whole on disk, also where they stick out of the array.
-            whole = np.full(self._block + tail, self._arrays[name].fill_value, rows.dtype)
-            ordered = np.empty_like(rows)
-            ordered[flat] = rows
-            whole[tuple(slice(size) for size in shape)] = ordered.reshape(shape + tail)
-            self._put(name, index + (0,) * len(tail), whole)
+            chunk = np.empty_like(rows)
+            chunk[flat] = rows
+            chunk = chunk.reshape(shape + tail)
+            if shape != self._block:
+                # Chunks are whole on disk, also where they stick out of the array.
+                inside, chunk = chunk, np.full(self._block + tail, self._arrays[name].fill_value, rows.dtype)
+                chunk[tuple(slice(size) for size in shape)] = inside
+            self._put(name, index + (0,) * len(tail), chunk)
         self._put(DONE, (), np.array(done))
 
     def _put(self, name: str, index: tuple[int, ...], chunk: Values) -> None:

@@ -1,6 +1,6 @@
 """Surveys of the workspace: tracked modes over paths, grids, samples and sweeps, checked to be complete."""
 
-from armonic.survey.running import survey
-from armonic.survey.walk import Grid, Sample, path
+from armonic.surveying.running import survey
+from armonic.surveying.walk import Grid, Sample, path
 
 __all__ = ["Grid", "Sample", "path", "survey"]
