@@ -23,7 +23,7 @@ def demo(
     into: Annotated[Path, typer.Option("--into", metavar="DIR", help="The folder for the files.")] = Path("demo"),
     as_json: JsonFlag = False,
 ) -> int:
-    """Fit a KUKA KR90 to an example measurement, and map the modes of Scompi.
+    """Fit a KUKA KR90 to a measurement, and map the modes of Scompi.
 
     The robots are those of Huynh et al. 2021 and of Do, Vu, Liu 2022. The example, the updated robot and two
     reports go into a folder; files of an earlier demo are overwritten.

@@ -76,11 +76,11 @@ class Block:
             return self
         return replace(
             self,
-            poles=self.poles[:, order],
-            mac=self.mac[:, order],
-            event=self.event[:, order],
-            shapes=None if self.shapes is None else self.shapes[:, order],
-            participation=None if self.participation is None else self.participation[:, order],
+            poles=self.poles.take(order, axis=1),
+            mac=self.mac.take(order, axis=1),
+            event=self.event.take(order, axis=1),
+            shapes=None if self.shapes is None else self.shapes.take(order, axis=1),
+            participation=None if self.participation is None else self.participation.take(order, axis=1),
             before=self.before[order],
         )
 

@@ -9,6 +9,8 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -16,10 +18,10 @@ import numpy as np
 
 from armonic.errors import SurveyError
 from armonic.loads import WrenchAxes, load_of
-from armonic.surveying.block import Block, compute
+from armonic.surveying.block import FURTHEST, Block, compute
 from armonic.surveying.dataset import Layout
 from armonic.surveying.systems import Field
-from armonic.surveying.walk import block_shape, blocks, walk_of
+from armonic.surveying.walk import block_shape, blocks, reflected, walk_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -28,7 +30,8 @@ if TYPE_CHECKING:
 
     from armonic.robot import Robot
 
-    Span: TypeAlias = tuple[int, int, tuple[slice, ...]]
+    Box: TypeAlias = tuple[slice, ...]
+    Span: TypeAlias = tuple[int, int, Box]
     Complex: TypeAlias = NDArray[np.complex128]
     Submit: TypeAlias = Callable[[int, int, Complex | None], Callable[[], Block]]
 
@@ -103,17 +106,16 @@ def survey(
     size = 16.0 * layout.modes * first.shapes.shape[0]
     most = max(16, int(min(POSTURES_PER_BLOCK, BYTES_PER_BLOCK / size)))
     block = block_shape(walk.shape, _even(walk.count, most))
-    with _workers(field, layout, threads, client) as (submit, ahead):
+    with _workers(field, layout, threads, client) as workers:
         if store is not None:
-            return _into_store(layout, block, store, submit, ahead, progress)
-        return _in_memory(layout, block, submit, ahead, progress)
+            return _into_store(layout, block, store, workers, progress)
+        return _in_memory(layout, block, workers, progress)
 
 
 def _in_memory(
     layout: Layout,
     block: tuple[int, ...],
-    submit: Submit,
-    ahead: int,
+    workers: Workers,
     progress: Callable[[int, int], None] | None,
 ) -> xr.Dataset:
     walk = layout.field.walk
@@ -121,13 +123,12 @@ def _in_memory(
     values = layout.empty()
     flat = {name: array.reshape(walk.count, *array.shape[len(walk.shape) :]) for name, array in values.items()}
 
-    def poles(place: int) -> Complex:
-        return np.stack([flat[name][place] for name in ("pole", "partner")], axis=-1)
-
-    for (_, stop, _), made in _in_order(blocks(walk.shape, block), submit, ahead, poles):
+    def put(_: Box, made: Block) -> None:
         where = made.where
         for name, rows in layout.values(made).items():
             flat[name][where] = rows
+
+    for stop in _put_in_order(blocks(walk.shape, block), workers, put, {}):
         if progress is not None:
             progress(stop, walk.count)
     return layout.dataset(values)
@@ -137,8 +138,7 @@ def _into_store(
     layout: Layout,
     block: tuple[int, ...],
     path: str | Path,
-    submit: Submit,
-    ahead: int,
+    workers: Workers,
     progress: Callable[[int, int], None] | None,
 ) -> xr.Dataset:
     from armonic.surveying.store import Store
@@ -146,20 +146,52 @@ def _into_store(
     walk = layout.field.walk
     store = Store(path, layout, block)
     done = store.done
-    last: dict[int, Complex] = {}
-
-    def poles(place: int) -> Complex:
-        return last[place] if place in last else store.poles(place)
-
     if progress is not None:
         progress(done, walk.count)
+    known = {}
+    if 0 < done < walk.count:
+        places = reflected(walk.shape, np.arange(max(0, done - FURTHEST), done))
+        known = {int(place): store.poles(int(place)) for place in places}
+
+    def put(box: Box, made: Block) -> None:
+        store.write(box, made.places, layout.values(made))
+
     rest = (span for span in blocks(walk.shape, block) if span[1] > done)
-    for (_, stop, box), made in _in_order(rest, submit, ahead, poles):
-        last = {int(made.places[-1]): made.poles[-1]}
-        store.write(box, made.places, layout.values(made), stop)
+    for stop in _put_in_order(rest, workers, put, known):
+        store.count(stop)
         if progress is not None:
             progress(stop, walk.count)
     return store.dataset()
+
+
+def _put_in_order(
+    spans: Iterator[Span], workers: Workers, put: Callable[[Box, Block], None], known: dict[int, Complex]
+) -> Iterator[int]:
+    """Compute blocks and put them where they belong; the step up to which everything is there, time after time.
+
+    Args:
+        spans: the blocks.
+        workers: who computes and puts.
+        put: takes the part of the axes that a block fills, and the block, with its modes in the order of the survey.
+        known: poles (m, 2) by place, at the last places that are there already.
+    """
+    under_way: deque[tuple[int, Callable[[], None]]] = deque()
+
+    def finished() -> int:
+        stop, wait = under_way.popleft()
+        wait()
+        return stop
+
+    for (_, stop, box), made in _in_order(spans, workers.submit, workers.ahead, known.__getitem__):
+        for place, poles in zip(made.places[-FURTHEST:], made.poles[-FURTHEST:], strict=True):
+            known[int(place)] = poles
+        while len(known) > FURTHEST:  # a block is followed from at most so many places before it
+            del known[next(iter(known))]
+        under_way.append((stop, workers.aside(partial(put, box, made))))
+        if len(under_way) > workers.ahead:
+            yield finished()
+    while under_way:
+        yield finished()
 
 
 def _in_order(
@@ -188,11 +220,28 @@ def _in_order(
         yield named()
 
 
+@dataclass(frozen=True)
+class Workers:
+    """Who computes blocks.
+
+    Attributes:
+        submit: has a block computed; what it returns waits for the block.
+        aside: has a job done that nobody waits for yet; what it returns waits for its end.
+        ahead: how many blocks should be under way.
+    """
+
+    submit: Submit
+    aside: Callable[[Callable[[], None]], Callable[[], None]]
+    ahead: int
+
+
+def _at_once(job: Callable[[], None]) -> Callable[[], None]:
+    job()
+    return lambda: None
+
+
 @contextmanager
-def _workers(
-    field: Field, layout: Layout, threads: int | None, client: Client | str | None
-) -> Iterator[tuple[Submit, int]]:
-    """Something that computes blocks, and how many it should have under way."""
+def _workers(field: Field, layout: Layout, threads: int | None, client: Client | str | None) -> Iterator[Workers]:
     wanted = {"shapes": layout.shapes, "participation": layout.participation}
     if client is not None:
         with _cluster(field, wanted, client) as workers:
@@ -200,11 +249,15 @@ def _workers(
         return
     count = _threads(threads)
     if count == 1 or field.walk.count == 1:
-        yield lambda start, stop, known: lambda: compute(field, start, stop, known, **wanted), 0
+        yield Workers(lambda start, stop, known: lambda: compute(field, start, stop, known, **wanted), _at_once, 0)
         return
     with ThreadPoolExecutor(count, thread_name_prefix="survey") as pool:
         try:
-            yield lambda start, stop, known: pool.submit(compute, field, start, stop, known, **wanted).result, count
+            yield Workers(
+                lambda start, stop, known: pool.submit(compute, field, start, stop, known, **wanted).result,
+                lambda job: pool.submit(job).result,
+                count,
+            )
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
 
@@ -227,7 +280,7 @@ def _threads(threads: int | None) -> int:
 
 
 @contextmanager
-def _cluster(field: Field, wanted: dict[str, bool], client: Client | str) -> Iterator[tuple[Submit, int]]:
+def _cluster(field: Field, wanted: dict[str, bool], client: Client | str) -> Iterator[Workers]:
     try:
         import distributed
     except ImportError:
@@ -263,8 +316,9 @@ def _cluster(field: Field, wanted: dict[str, bool], client: Client | str) -> Ite
         # A task, not scattered data: what a lost worker held is made again by another.
         there = client.submit(pickle.loads, pickle.dumps(field), pure=False)
         workers = max(1, sum(client.nthreads().values()))  # type: ignore[no-untyped-call]
-        yield (
+        yield Workers(
             lambda start, stop, known: client.submit(compute, there, start, stop, known, **wanted, pure=False).result,
+            _at_once,
             2 * workers,
         )
     finally:

@@ -61,14 +61,13 @@ class Store:
         """Postures of the walk that are in the store."""
         return int(np.asarray(self._arrays[DONE][...]))
 
-    def write(self, box: tuple[slice, ...], places: NDArray[np.intp], values: dict[str, Values], done: int) -> None:
-        """Add a block, then count it.
+    def write(self, box: tuple[slice, ...], places: NDArray[np.intp], values: dict[str, Values]) -> None:
+        """Add a block; several threads may do so at the same time.
 
         Args:
             box: the part of the survey's axes that it fills.
             places: where each of its postures stands (row-major in the whole survey), (P,).
             values: its variables, (P, ...).
-            done: postures of the walk in the store when this block is there.
         """
         shape = tuple(part.stop - part.start for part in box)
         there = np.unravel_index(places, self._layout.field.walk.shape)
@@ -84,6 +83,9 @@ class Store:
                 inside, chunk = chunk, np.full(self._block + tail, self._arrays[name].fill_value, rows.dtype)
                 chunk[tuple(slice(size) for size in shape)] = inside
             self._put(name, index + (0,) * len(tail), chunk)
+
+    def count(self, done: int) -> None:
+        """Say how many postures of the walk are there."""
         self._put(DONE, (), np.array(done))
 
     def _put(self, name: str, index: tuple[int, ...], chunk: Values) -> None:
