@@ -56,8 +56,8 @@ def demo(
         return code
     write_map_report(survey(load("scompi"), "table", sweep={"tool.mass": [0, 4]}), into / MAP)
     if not as_json:
-        show("", heading("Scompi in closed loop: 12 modes over 50 postures, without and with a tool of 4 kg"))
-        line(f"Wrote {into / MAP}: every mode tracked from posture to posture, every set checked to be complete.")
+        show("", heading("Scompi in closed loop: 12 modes over 50 postures, with and without a tool"))
+        show(f"Every mode tracked, every set checked to be complete: open {into / MAP}.")
         _explain(into)
     return code
 
@@ -77,4 +77,5 @@ def _explain(into: Path) -> None:
     line(f"  {command} modes {robot}")
     line(f"  {command} frf {robot} -o {shlex.quote(str(into / 'updated.uff'))}")
     line(f"  {command} modes scompi --posture c8")
-    line(f"  {command} map scompi --path table --tool-mass 4 --report {shlex.quote(str(into / MAP))} --force")
+    line(f"  {command} map scompi --path table --tool-mass 4 \\")
+    line(f"      --report {shlex.quote(str(into / MAP))} --force")

@@ -6,6 +6,7 @@ own way leads through an event loop and three threads, which wait for those that
 
 from __future__ import annotations
 
+import secrets
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
@@ -41,7 +42,8 @@ def write(path: Path, values: Values) -> None:
     """
     dtype = values.dtype.newbyteorder("<")
     numbers = np.ascontiguousarray(values, dtype).reshape(-1).view(f"u{_size(dtype)}")
-    draft = path.with_name(f"{path.name}.partial")
+    # Of its own, for a thread of a run that was interrupted may still be writing the same chunk.
+    draft = path.with_name(f"{path.name}.{secrets.token_hex(4)}.partial")
     try:
         draft.write_bytes(Blosc(cname="lz4", clevel=LEVEL, shuffle=Blosc.SHUFFLE).encode(numbers))
         draft.replace(path)

@@ -68,6 +68,9 @@ class Store:
             box: the part of the survey's axes that it fills.
             places: where each of its postures stands (row-major in the whole survey), (P,).
             values: its variables, (P, ...).
+
+        Raises:
+            SurveyError: the disk is full, or the folder has gone.
         """
         shape = tuple(part.stop - part.start for part in box)
         there = np.unravel_index(places, self._layout.field.walk.shape)
@@ -90,7 +93,15 @@ class Store:
 
     def _put(self, name: str, index: tuple[int, ...], chunk: Values) -> None:
         key = self._arrays[name].metadata.encode_chunk_key(index)
-        chunks.write(self.path / name / key, chunk)
+        try:
+            chunks.write(self.path / name / key, chunk)
+        except OSError as error:
+            raise SurveyError(
+                str(self.path),
+                found=f"a place that cannot be written ({error.strerror or error})",
+                expected="room for the map",
+                hint="Mend that and make the survey again: it goes on where it stopped.",
+            ) from error
 
     def poles(self, place: int) -> NDArray[np.complex128]:
         """Poles (m, 2) at a posture that is in the store."""
