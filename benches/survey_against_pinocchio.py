@@ -25,7 +25,7 @@ import numpy as np
 import armonic as am
 from armonic import _core
 from pinocchio_loop import PinocchioLoop, blas_kernel, smooth_path
-from timing import interleaved
+from timing import busy_elsewhere, interleaved
 
 POINTS, POSTURES, OF_LOOP = 100_000, 20_000, 2_000
 CHUNK = 4096
@@ -61,9 +61,10 @@ def core_alone(robot: am.Robot, path: np.ndarray) -> Callable[[], object]:
 
 @dataclass(frozen=True)
 class Result:
-    """Seconds per posture by name, those of the loop first; what was surveyed."""
+    """Seconds per posture by name, the loop first; share of the processors busy elsewhere; what was surveyed."""
 
     each: dict[str, float]
+    elsewhere: float
     postures: int
     step: float
     difference: float
@@ -86,11 +87,12 @@ def measure(rounds: int = 15) -> Result:
     difference = float(np.abs(ours / theirs - 1).max())
     if not difference < SAME:
         raise SystemExit(f"the poles differ by {difference:.1e}, allowed are {SAME:g}")
+    elsewhere = busy_elsewhere()
     times = interleaved(lambda: loop.modes(few), survey(1), survey(2), core_alone(robot, path), rounds=rounds)
     names = ("Pinocchio and NumPy, a loop", "am.survey, one thread", "am.survey, two threads", "core alone, one thread")
     each = {name: seconds / len(few if name == names[0] else path) for name, seconds in zip(names, times, strict=True)}
     step = float(np.abs(np.diff(path, axis=0)).max())
-    return Result(each, len(path), step, difference, int(found.method.sum()))
+    return Result(each, elsewhere, len(path), step, difference, int(found.method.sum()))
 
 
 def main() -> None:
@@ -99,6 +101,7 @@ def main() -> None:
     print(f"Scompi, n = 6 and 6 motors, {result.postures} postures, steps up to {result.step * 1e3:.2f} mrad or mm")
     print(f"largest relative difference of a pole {result.difference:.1e}; by the dense solver {result.dense}")
     print(f"NumPy runs on {blas_kernel()}; medians of {rounds}")
+    print(f"other programs kept {result.elsewhere:.0%} of the processors busy at the start")
     loop, one, two, _ = result.each.values()
     for name, seconds in result.each.items():
         print(f"{name:28s} {seconds * 1e6:8.2f} µs   {loop / seconds:6.1f} times the loop's speed")

@@ -148,7 +148,8 @@ PAGE = """\
 # Performance
 
 Written by `python benches/survey_cost.py --write docs/performance.md`; do not edit. What is compared takes
-turns in one run, and medians are compared, so the ratios say more than the times. The machine: {machine}.
+turns in one run, and medians are compared, so the ratios say more than the times. The machine:
+{machine}.
 
 ## A dense path
 
@@ -162,7 +163,8 @@ every set to be complete and marks crossings and veerings. The core alone is lin
 
 {path_table}
 
-Two threads are {scaling:.2f} times as fast as one.
+Two threads are {scaling:.2f} times as fast as one, other programs having kept {path.elsewhere:.0%} of the
+processors busy at the start.
 
 ## A large grid
 
@@ -195,8 +197,9 @@ SciPy (`benches/frf_against_numpy.py`, `benches/update_against_numpy.py`), the s
 """
 
 
-def page(driven: list[Cost], sprung: list[Cost]) -> str:
-    path, grid = survey_against_pinocchio.measure(), survey_grid.measure()
+def page(
+    path: survey_against_pinocchio.Result, grid: survey_grid.Result, driven: list[Cost], sprung: list[Cost]
+) -> str:
     loop, one, two, _ = path.each.values()
     of_path = [f"| {name} | {loop / seconds:.1f} | {seconds * 1e6:.2f} |" for name, seconds in path.each.items()]
     of_grid = [
@@ -205,6 +208,7 @@ def page(driven: list[Cost], sprung: list[Cost]) -> str:
         f"| on disk | {grid.stored / 1e6:.0f} MB |",
         f"| postures by the dense solver | {grid.dense} |",
         f"| postures per second | {1 / grid.survey:.0f} |",
+        f"| processors busy with other programs at the start | {grid.elsewhere:.0%} |",
     ]
     return PAGE.format(
         machine=machine(),
@@ -220,11 +224,15 @@ def page(driven: list[Cost], sprung: list[Cost]) -> str:
 
 
 def main() -> None:
+    if "--write" not in sys.argv:
+        for driven in (True, False):
+            print("a drive on every joint" if driven else "a spring on every joint")
+            print(*table([cost(n, driven) for n in SIZES]), sep="\n")
+        return
+    # The page's other parts first, while this process is small.
+    parts = survey_against_pinocchio.measure(), survey_grid.measure()
     costs = [[cost(n, driven) for n in SIZES] for driven in (True, False)]
-    for name, rows in zip(("a drive on every joint", "a spring on every joint"), costs, strict=True):
-        print(name, *table(rows), sep="\n")
-    if "--write" in sys.argv:
-        Path(sys.argv[sys.argv.index("--write") + 1]).write_text(page(*costs), encoding="utf-8")
+    Path(sys.argv[sys.argv.index("--write") + 1]).write_text(page(*parts, *costs), encoding="utf-8")
 
 
 if __name__ == "__main__":

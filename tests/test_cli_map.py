@@ -140,3 +140,24 @@ def test_an_unstable_loop_is_told_not_refused(armonic: Armonic, tmp_path: Path) 
     data = armonic("map", "wild.yaml", "--path", "table", "--json").json
     assert data["unstable"] == 50
     assert json.dumps(data["modes"])  # numbers, as of any other loop
+
+
+def test_an_interrupted_map_says_what_was_kept(
+    armonic: Armonic, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from armonic.surveying import running
+
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(running, "_in_order", stop)
+        run = armonic("map", "scompi", "--path", "table", "-o", "map.zarr")
+    assert run.code == cli.INTERRUPTED
+    assert "map.zarr keeps what was done" in run.err
+    assert armonic("map", "scompi", "--path", "table", "-o", "map.zarr").code == 0
+
+
+def test_a_path_that_stays_in_one_posture_gets_its_report(armonic: Armonic, tmp_path: Path) -> None:
+    assert armonic("map", "scompi", "--path", "c8..c8", "--points", "7", "--report", "same.html").code == 0
+    assert (tmp_path / "same.html").exists()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 from functools import cache
 
 import numpy as np
@@ -88,6 +89,20 @@ def test_a_sweep_goes_with_a_grid_and_with_a_list():
         assert deviation(found, by_lapack(loaded, q)) < 1e-9
         found = poles_of(in_list.isel({"tool.mass": [row], "posture": [2]}))[0]
         assert deviation(found, by_lapack(loaded, table[2])) < 1e-9
+
+
+def test_feedback_that_enters_with_a_sweep_sends_it_to_the_dense_solver():
+    # In the file the feedback is zero, and every motor listens to its own joint only.
+    robot = random_driven_robot(1, 4)
+    motors, data = len(robot.motors), json.loads(robot.to_yaml())
+    data["control"]["state_feedback"] = {"position": np.zeros((motors, 2 * motors)).tolist()}
+    robot = am.Robot.from_yaml(json.dumps(data))
+    path = list(robot.numbers("control.state_feedback.position.*"))[1]
+    gains = np.array([0.0, 500.0, 2000.0])
+    found = am.survey(robot, "bent", sweep={path: gains})
+    for poles, gain in zip(poles_of(found), gains, strict=True):
+        assert deviation(poles, by_lapack(robot.with_values({path: gain}), "bent")) < 1e-9
+    assert (found.method == 1).all()
 
 
 def test_virtual_coordinates_can_be_gridded_and_units_are_named():

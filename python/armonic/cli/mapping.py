@@ -12,7 +12,7 @@ from armonic.cli import arguments, ranges
 from armonic.cli.arguments import ForceFlag, FrameOption, JsonFlag, PostureOption, RobotName, UsageError
 from armonic.cli.model import WrenchAxesOption, WrenchOption
 from armonic.cli.outputs import check_output
-from armonic.cli.terminal import heading, line, print_json, show, steps_progress, table
+from armonic.cli.terminal import heading, line, print_json, remark, show, steps_progress, table
 from armonic.cli.tool import ToolMassOption
 from armonic.text import count, format_hz, format_percent
 
@@ -98,21 +98,26 @@ def map_(
 
     from armonic.surveying import survey
 
-    with steps_progress("Mapping", "postures") as progress:
-        result = survey(
-            the_robot,
-            where,
-            sweep=swept,
-            wrench=load,
-            frame=at,
-            wrench_axes=axes,
-            shapes=shapes,
-            participation=participation,
-            store=output,
-            threads=threads,
-            client=scheduler,
-            progress=progress,
-        )
+    try:
+        with steps_progress("Mapping", "postures") as progress:
+            result = survey(
+                the_robot,
+                where,
+                sweep=swept,
+                wrench=load,
+                frame=at,
+                wrench_axes=axes,
+                shapes=shapes,
+                participation=participation,
+                store=output,
+                threads=threads,
+                client=scheduler,
+                progress=progress,
+            )
+    except KeyboardInterrupt:
+        kept = "nothing was kept" if output is None else f"{output} keeps what was done, type the same again to go on"
+        remark(f"Interrupted: {kept}.")
+        raise
     if report is not None:
         from armonic.map_report import write_map_report
 

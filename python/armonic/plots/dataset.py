@@ -112,6 +112,8 @@ def _scattered(ds: xr.Dataset) -> bool:
         return False
     steps = np.diff(np.stack([np.asarray(ds[name], float)[:BLOCK] for name in names]), axis=1)
     lengths = np.linalg.norm(steps, axis=0)
+    if not lengths.any():  # one posture again and again
+        return False
     cosines = np.sum(steps[:, 1:] * steps[:, :-1], axis=0) / np.maximum(lengths[1:] * lengths[:-1], 1e-300)
     return bool(np.median(cosines) < STRAIGHT)
 

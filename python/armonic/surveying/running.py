@@ -42,7 +42,7 @@ FEWEST_PER_BLOCK = 256
 CONNECTED_WITHIN = "10s"
 """How long to wait for a scheduler to answer."""
 BYTES_PER_BLOCK = 32e6
-"""Shapes of one block; blocks of robots with many modes are shorter."""
+"""Shapes of one block; blocks of robots with many modes are shorter, and a quarter of it where shapes are kept."""
 
 
 def survey(
@@ -103,7 +103,7 @@ def survey(
     first = field.dense(0)
     poles = 2 * int(first.oscillatory.sum()) + int((~first.oscillatory).sum())
     layout = Layout(field, (poles + 1) // 2, shapes, participation)
-    size = 16.0 * layout.modes * first.shapes.shape[0]
+    size = 16.0 * layout.modes * first.shapes.shape[0] * (4 if shapes else 1)
     most = max(16, int(min(POSTURES_PER_BLOCK, BYTES_PER_BLOCK / size)))
     block = block_shape(walk.shape, _even(walk.count, most))
     with _workers(field, layout, threads, client) as workers:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -95,11 +97,18 @@ class Field:
         """For every drive, the index of its coordinate among those that can deflect."""
         return [int(i) for i in self._loop(self.robot).driven]
 
-    @property
+    @cached_property
     def symmetric(self) -> bool:
         """Whether the systems have the symmetric impedance form that can be followed."""
         turns = self.load.frame is not None and (bool(self.load.wrench[3:].any()) or self.load.axes == "frame")
-        return not turns and self._loop(self.robot).local
+        # Feedback of other joints may enter with a sweep.
+        return not turns and all(self._loop(robot).local for robot in (self.robot, *self._extremes()))
+
+    def _extremes(self) -> Iterator[Robot]:
+        """The robot at the smallest and largest value of everything that is swept."""
+        for values in self.walk.sweep.values():
+            for row in (np.argmin(values), np.argmax(values)):
+                yield self.variant(int(row))
 
     def _loop(self, robot: Robot) -> ClosedLoop:
         return ClosedLoop.of(robot, self.keep)
@@ -119,9 +128,7 @@ class Field:
                 expected="at least one",
                 hint="Give a joint an `elasticity` or a `drive`.",
             )
-        for values in self.walk.sweep.values():
-            for row in (np.argmin(values), np.argmax(values)):
-                self.variant(int(row))
+        list(self._extremes())  # made now, so that an impossible value is refused now
         swept = [path for path in self.walk.sweep if "ki" in path.split(".")[-2:] or "link_ki" in path]
         for path in swept:
             values = self.walk.sweep[path]
