@@ -91,7 +91,6 @@ def test_a_sample_lies_in_its_ranges_and_is_the_same_for_the_same_seed() -> None
         ("table", {"sweep": {"control.kp": [-5.0]}}, "control.kp"),
         ("table", {"threads": 0}, "threads"),
         ("table", {"wrench": [1, 0, 0, 0, 0, 0]}, "frame"),
-        ("table", {"client": "tcp://127.0.0.1:9"}, "no scheduler"),
     ],
 )
 def test_bad_surveys_are_refused_in_one_line(postures: object, options: dict[str, object], said: str) -> None:

@@ -1,7 +1,8 @@
 //! One step of continuation: every mode carried from one system to the next, all side by side in SIMD lanes.
 //!
 //! A step is accepted where every shape resembles the one before and the set is complete; else it is halved along the
-//! straight line between the two systems' matrices, so that a veering is followed through, however sharp.
+//! straight line between the two systems' matrices, so that a veering which a step begins or ends in is
+//! followed through. One that lies wholly within a step leaves shapes as they were, and is passed as a crossing.
 
 use crate::completeness::Completeness;
 use crate::eigenpairs::{Refiner, System};
