@@ -46,7 +46,7 @@ fn kernels(c: &mut Criterion) {
     let target =
         Target::new(model.clone(), &lines, &measured, &vec![1.0; 9 * 152], &vec![1.0; 9 * 152]).unwrap();
     let problem = Problem::new(vec![target]).unwrap();
-    let (start, free) = (springs(0.8), (0..18).collect::<Vec<_>>());
+    let (start, free) = (springs(0.8), (0..18).map(|i| vec![i]).collect::<Vec<_>>());
     c.bench_function("residual and Jacobian to a triangle, 18 parameters", |b| {
         b.iter(|| problem.reduce(black_box(&start), &free).unwrap());
     });

@@ -10,10 +10,12 @@ mod completeness;
 pub mod dynamics;
 pub mod eigenpairs;
 pub mod error;
+pub mod fit;
 mod follower;
 pub mod frf;
 pub mod impedance;
 pub mod lanes;
+pub mod least_squares;
 pub mod linearize;
 pub mod mechanism;
 pub mod modes;
@@ -21,6 +23,7 @@ pub mod residual;
 mod solver;
 pub mod spatial;
 pub mod system;
+pub mod triangle;
 
 pub use error::Error;
 

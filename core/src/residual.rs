@@ -1,17 +1,17 @@
 //! The logarithmic residual of a fit and its Jacobian, reduced to the small triangle that least squares needs.
 //!
 //! Cost (Huynh et al. 2021, Eq. 22): Σ W |ln H_s − ln H|² over outputs, inputs and lines, the phase difference taken to
-//! its principal value. Each block of rows is folded into an upper triangle R by Householder reflections as soon as it is
-//! computed, so RᵀR = [J r]ᵀ[J r] without the thousands of rows ever standing side by side.
+//! its principal value; or Σ W |H_s/H − 1|², which knows no logarithm. Rows go into a [`Triangle`] as they are computed.
 
 use crate::impedance::SpringDamper;
 use crate::lanes::{Complex, REGISTERS, Real, lanes};
 use crate::mechanism::finite;
 use crate::solver::{Solver, load};
 use crate::system::LinearSystem;
+use crate::triangle::{Block, Triangle};
 use crate::{Error, Result};
 use nalgebra::Complex as C64;
-use pulp::{Arch, Simd, WithSimd, bytemuck};
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 /// Lines that one task works on: small enough to share a fit among threads, and fixed, so that results do not depend on
@@ -37,6 +37,16 @@ pub struct Target {
     root_weight: Vec<C64<f64>>,
     /// W of the price in both parts, likewise.
     price_weight: Vec<C64<f64>>,
+    deviation: Deviation,
+}
+
+/// What a residual is of a modelled response H_s and a measured one H.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Deviation {
+    /// ln H_s − ln H, the phase difference at its principal value (Huynh et al. 2021, Eq. 22).
+    Logarithmic,
+    /// H_s/H − 1.
+    Relative,
 }
 
 impl Target {
@@ -94,7 +104,14 @@ impl Target {
             root_weight[at] = C64::new(weight.sqrt(), weight.sqrt());
             price_weight[at] = C64::new(price, price);
         }
-        Ok(Self { system, s: padded_s, lines, inverse, root_weight, price_weight })
+        let deviation = Deviation::Logarithmic;
+        Ok(Self { system, s: padded_s, lines, inverse, root_weight, price_weight, deviation })
+    }
+
+    /// The same with another residual.
+    #[must_use]
+    pub fn with_deviation(self, deviation: Deviation) -> Self {
+        Self { deviation, ..self }
     }
 }
 
@@ -103,28 +120,6 @@ impl Target {
 pub struct Problem {
     targets: Vec<Target>,
     branches: usize,
-}
-
-/// Upper triangle R, (c+1)×(c+1) by rows: the last column belongs to the residual, the others to the free parameters.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Triangle {
-    /// Number of free parameters c plus one.
-    pub width: usize,
-    /// R by rows.
-    pub values: Vec<f64>,
-    /// The second cost, under the weights of the price.
-    pub price: f64,
-}
-
-impl Triangle {
-    fn zeros(width: usize) -> Self {
-        Self { width, values: vec![0.0; width * width], price: 0.0 }
-    }
-
-    /// The cost Σ W |r|².
-    pub fn cost(&self) -> f64 {
-        (0..self.width).map(|i| self.values[i * self.width + self.width - 1].powi(2)).sum()
-    }
 }
 
 impl Problem {
@@ -154,14 +149,14 @@ impl Problem {
         self.branches
     }
 
-    /// The triangle of [J r] for the `free` parameters (indices into all stiffnesses, then all dampings), J with respect
-    /// to their logarithms.
+    /// The triangle of [J r] for the `free` parameters, J with respect to their logarithms. A parameter is the list of
+    /// numbers that it multiplies (indices into all stiffnesses, then all dampings): one, or several that are tied.
     ///
     /// # Errors
     /// Mismatched lengths, [`Error::Singular`], [`Error::ZeroResponse`].
-    pub fn reduce(&self, impedances: &[SpringDamper], free: &[usize]) -> Result<Triangle> {
+    pub fn reduce(&self, impedances: &[SpringDamper], free: &[Vec<usize>]) -> Result<Triangle> {
         let count = self.branches * SpringDamper::PARAMETERS;
-        if let Some(&got) = free.iter().find(|&&i| i >= count) {
+        if let Some(&got) = free.iter().flatten().find(|&&i| i >= count) {
             return Err(Error::Index { what: "parameter", count, got });
         }
         let tasks: Vec<(&Target, usize)> = self
@@ -183,96 +178,38 @@ impl Problem {
         };
         let mut total = Triangle::zeros(free.len() + 1);
         for part in parts {
-            Arch::new().dispatch(Merge { into: &mut total, part: &part? });
+            total.merge(&part?);
         }
         Ok(total)
     }
 
-    /// Costs of many impedance sets, in parallel.
+    /// Costs of many impedance sets, in parallel; infinite where the model has no answer.
     ///
     /// # Errors
-    /// As [`Self::reduce`].
+    /// Mismatched lengths or numbers that are not finite.
     pub fn costs(&self, sets: &[Vec<SpringDamper>]) -> Result<Vec<f64>> {
-        sets.par_iter().map(|set| Ok(self.reduce(set, &[])?.cost())).collect()
-    }
-}
-
-/// Rows waiting to be folded: column-major, one register per group of rows.
-struct Block<S: Simd> {
-    groups: Vec<S::f64s>,
-    height: usize,
-    filled: usize,
-}
-
-impl<S: Simd> Block<S> {
-    fn new(simd: S, width: usize, height: usize) -> Self {
-        Self { groups: vec![simd.splat_f64s(0.0); width * height], height, filled: 0 }
+        sets.par_iter()
+            .map(|set| self.answer(set, &[]).map(|r| r.map_or(f64::INFINITY, |r| r.cost())))
+            .collect()
     }
 
-    /// Puts the real and imaginary parts of one column into the next rows.
-    #[inline(always)]
-    fn put(&mut self, column: usize, parts: [Real<S>; 2]) {
-        let at = column * self.height + self.filled;
-        for (place, register) in
-            self.groups[at..at + 2 * REGISTERS].iter_mut().zip(parts.iter().flat_map(|part| part.0))
-        {
-            *place = register;
+    /// [`Self::reduce`], with nothing where the model has no answer: singular, zero or infinite.
+    ///
+    /// # Errors
+    /// Mismatched lengths or numbers that are not finite.
+    pub fn answer(&self, impedances: &[SpringDamper], free: &[Vec<usize>]) -> Result<Option<Triangle>> {
+        match self.reduce(impedances, free) {
+            Ok(triangle) => Ok(Some(triangle)),
+            Err(Error::Singular { .. } | Error::ZeroResponse { .. }) => Ok(None),
+            Err(error) => Err(error),
         }
     }
-
-    /// Folds the filled rows into `triangle`: one Householder reflection per column over its diagonal and the block.
-    #[inline(always)]
-    fn fold(&mut self, simd: S, triangle: &mut Triangle) {
-        let (width, filled) = (triangle.width, std::mem::take(&mut self.filled));
-        for j in 0..width {
-            let (head, tail) = self.groups.split_at_mut((j + 1) * self.height);
-            let column = &mut head[j * self.height..j * self.height + filled];
-            let below = dot(simd, column, column);
-            if below == 0.0 {
-                continue;
-            }
-            let top = triangle.values[j * width + j];
-            let length = -(top * top + below).sqrt().copysign(top);
-            let factor = (length - top) / length;
-            let scale = simd.splat_f64s(1.0 / (top - length));
-            for value in column.iter_mut() {
-                *value = simd.mul_f64s(*value, scale);
-            }
-            triangle.values[j * width + j] = length;
-            for (k, other) in (j + 1..width).zip(tail.chunks_exact_mut(self.height)) {
-                let other = &mut other[..filled];
-                let entry = &mut triangle.values[j * width + k];
-                let step = factor * (*entry + dot(simd, column, other));
-                *entry -= step;
-                let step = simd.splat_f64s(step);
-                for (value, &u) in other.iter_mut().zip(column.iter()) {
-                    *value = simd.negate_mul_add_e_f64s(step, u, *value);
-                }
-            }
-        }
-    }
-}
-
-#[inline(always)]
-fn dot<S: Simd>(simd: S, a: &[S::f64s], b: &[S::f64s]) -> f64 {
-    let mut sums = [simd.splat_f64s(0.0); 4];
-    let (a4, b4) = (a.chunks_exact(4), b.chunks_exact(4));
-    for (&x, &y) in a4.remainder().iter().zip(b4.remainder()) {
-        sums[0] = simd.mul_add_e_f64s(x, y, sums[0]);
-    }
-    for (x, y) in a4.zip(b4) {
-        for i in 0..4 {
-            sums[i] = simd.mul_add_e_f64s(x[i], y[i], sums[i]);
-        }
-    }
-    let halves = [simd.add_f64s(sums[0], sums[1]), simd.add_f64s(sums[2], sums[3])];
-    simd.reduce_sum_f64s(simd.add_f64s(halves[0], halves[1]))
 }
 
 struct Task<'a> {
     target: &'a Target,
     impedances: &'a [SpringDamper],
-    free: &'a [usize],
+    free: &'a [Vec<usize>],
     start: usize,
 }
 
@@ -286,8 +223,10 @@ impl WithSimd for Task<'_> {
         let r = target.system.branches();
         let mirrored = target.system.mirrored();
         let width = self.free.len() + 1;
-        let columns: Vec<_> = self.free.iter().map(|&i| (i / r, i % r)).collect();
-        let per_chunk = 2 * REGISTERS * if mirrored { p * (p + 1) / 2 } else { p * m };
+        let columns: Vec<Vec<_>> =
+            self.free.iter().map(|tied| tied.iter().map(|&i| (i / r, i % r)).collect()).collect();
+        let joined_rows = mirrored && target.deviation == Deviation::Logarithmic;
+        let per_chunk = 2 * REGISTERS * if joined_rows { p * (p + 1) / 2 } else { p * m };
         let height = per_chunk * ROWS_PER_BLOCK.div_ceil(per_chunk * S::F64_LANES);
         let mut block = Block::<S>::new(simd, width, height);
         let mut triangle = Triangle::zeros(width);
@@ -303,26 +242,44 @@ impl WithSimd for Task<'_> {
             slopes.extend(self.impedances.iter().map(|z| z.log_gradient(simd, s)));
             for (a, b) in (0..p).flat_map(|a| (0..if mirrored { a + 1 } else { m }).map(move |b| (a, b))) {
                 let h = solver.h[a * m + b];
-                let (mut residual, mut root) = self.deviation(simd, h, (a, b), start, &mut price)?;
-                if mirrored && a != b {
-                    let (other, other_root) = self.deviation(simd, h, (b, a), start, &mut price)?;
-                    (residual, root) = joined(simd, (residual, root), (other, other_root), &mut rest);
-                }
-                block.put(width - 1, [residual[0].mul(simd, root), residual[1].mul(simd, root)]);
-                let scale = h.inverse(simd).scale(simd, root.neg(simd));
                 if width > 1 {
                     let (y, x) = (&solver.at_outputs()[a..], &solver.at_inputs[b..]);
                     for ((product, &y), &x) in
                         products.iter_mut().zip(y.iter().step_by(p)).zip(x.iter().step_by(m))
                     {
-                        *product = y.mul(simd, x).mul(simd, scale);
+                        *product = y.mul(simd, x);
                     }
                 }
-                for (column, &(kind, branch)) in columns.iter().enumerate() {
-                    let value = products[branch].mul(simd, slopes[branch][kind]);
-                    block.put(column, [value.re, value.im]);
+                let mut put = |residual: [Real<S>; 2], root: Real<S>, per_response: Complex<S>| {
+                    block.put(width - 1, [residual[0].mul(simd, root), residual[1].mul(simd, root)]);
+                    let scale = per_response.scale(simd, root.neg(simd));
+                    for (column, tied) in columns.iter().enumerate() {
+                        let mut terms = tied
+                            .iter()
+                            .map(|&(kind, branch)| products[branch].mul(simd, slopes[branch][kind]));
+                        let first = terms.next().unwrap_or(Complex::zero(simd));
+                        let value = terms.fold(first, |sum, term| sum.add(simd, term)).mul(simd, scale);
+                        block.put(column, [value.re, value.im]);
+                    }
+                    block.filled += 2 * REGISTERS;
+                };
+                let (first, root) = self.deviation(simd, h, (a, b), start, &mut price)?;
+                let twin = mirrored && a != b;
+                match target.deviation {
+                    Deviation::Logarithmic if twin => {
+                        let second = self.deviation(simd, h, (b, a), start, &mut price)?;
+                        let (mean, total) = joined(simd, (first, root), second, &mut rest);
+                        put(mean, total, h.inverse(simd));
+                    }
+                    Deviation::Logarithmic => put(first, root, h.inverse(simd)),
+                    Deviation::Relative => {
+                        put(first, root, self.inverse(simd, (a, b), start));
+                        if twin {
+                            let (second, root) = self.deviation(simd, h, (b, a), start, &mut price)?;
+                            put(second, root, self.inverse(simd, (b, a), start));
+                        }
+                    }
                 }
-                block.filled += 2 * REGISTERS;
             }
             if block.filled + per_chunk > height {
                 block.fold(simd, &mut triangle);
@@ -337,7 +294,19 @@ impl WithSimd for Task<'_> {
 }
 
 impl Task<'_> {
-    /// ln of modelled over measured response as real and imaginary part, and √W; adds to the price.
+    /// Where one response stands in the target's arrays.
+    #[inline(always)]
+    fn at(&self, (a, b): (usize, usize), start: usize) -> usize {
+        (a * self.target.system.shape().1 + b) * self.target.s.len() + start
+    }
+
+    /// 1/H measured.
+    #[inline(always)]
+    fn inverse<S: Simd>(&self, simd: S, pair: (usize, usize), start: usize) -> Complex<S> {
+        load(simd, &self.target.inverse, self.at(pair, start))
+    }
+
+    /// How modelled and measured response differ, as real and imaginary part, and √W; adds to the price.
     #[inline(always)]
     fn deviation<S: Simd>(
         &self,
@@ -348,15 +317,24 @@ impl Task<'_> {
         price: &mut Real<S>,
     ) -> Result<([Real<S>; 2], Real<S>)> {
         let target = self.target;
-        let at = (a * target.system.shape().1 + b) * target.s.len() + start;
+        let at = self.at((a, b), start);
         let ratio = h.mul(simd, load(simd, &target.inverse, at));
-        let (mut log, mut phase) = (ratio.norm_squared(simd), ratio.im);
-        if !principal_logarithm::<S>(&mut log, &mut phase, &ratio.re) {
+        let mut parts = [ratio.norm_squared(simd), ratio.im];
+        let [log, phase] = &mut parts;
+        let valid = match target.deviation {
+            Deviation::Logarithmic => principal_logarithm::<S>(log, phase, &ratio.re),
+            Deviation::Relative => {
+                let valid = log.as_slice().iter().all(|size| size.is_finite());
+                *log = ratio.re.sub(simd, Real::splat(simd, 1.0));
+                valid
+            }
+        };
+        if !valid {
             return Err(Error::ZeroResponse { output: a, input: b, line: start });
         }
-        let square = log.mul(simd, log).add_mul(simd, phase, phase);
+        let square = parts[0].mul(simd, parts[0]).add_mul(simd, parts[1], parts[1]);
         *price = price.add_mul(simd, square, load(simd, &target.price_weight, at).re);
-        Ok(([log, phase], load(simd, &target.root_weight, at).re))
+        Ok((parts, load(simd, &target.root_weight, at).re))
     }
 }
 
@@ -392,30 +370,4 @@ fn principal_logarithm<S: Simd>(log: &mut Real<S>, phase: &mut Real<S>, re: &Rea
         *im = im.atan2(re);
     }
     valid
-}
-
-struct Merge<'a> {
-    into: &'a mut Triangle,
-    part: &'a Triangle,
-}
-
-impl WithSimd for Merge<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let width = self.part.width;
-        let height = width.div_ceil(S::F64_LANES);
-        let mut block = Block::<S>::new(simd, width, height);
-        for column in 0..width {
-            for row in 0..=column {
-                let group = &mut block.groups[column * height + row / S::F64_LANES];
-                let lanes: &mut [f64] = bytemuck::cast_slice_mut(std::slice::from_mut(group));
-                lanes[row % S::F64_LANES] = self.part.values[row * width + column];
-            }
-        }
-        block.filled = height;
-        block.fold(simd, self.into);
-        self.into.price += self.part.price;
-    }
 }

@@ -193,7 +193,7 @@ fn the_triangle_is_that_of_all_rows_at_once() {
     let weights: Vec<f64> = scattered(measured.len(), 7.0).iter().map(|w| w.abs()).collect();
     let free = [0, 3, 8, 9, 17];
     let target = Target::new(model, &s, &measured, &weights, &weights).unwrap();
-    let triangle = Problem::new(vec![target]).unwrap().reduce(&start, &free).unwrap();
+    let triangle = Problem::new(vec![target]).unwrap().reduce(&start, &free.map(|i| vec![i])).unwrap();
 
     let mut rows = DMatrix::zeros(2 * measured.len(), free.len() + 1);
     for (i, &weight) in weights.iter().enumerate() {

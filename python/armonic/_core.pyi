@@ -5,8 +5,8 @@ Arguments are float64 or complex128 arrays. Arguments that do not fit raise Valu
 world axes.
 """
 
-from collections.abc import Sequence
-from typing import TypeAlias, final
+from collections.abc import Callable, Sequence
+from typing import Literal, TypeAlias, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,10 +80,31 @@ class LinearSystem:
 @final
 class Problem:
     def __new__(
-        cls, targets: Sequence[tuple[LinearSystem, _Complex, _Complex, _Real]], *, prices: Sequence[_Real] | None = None
+        cls,
+        targets: Sequence[tuple[LinearSystem, _Complex, _Complex, _Real]],
+        *,
+        prices: Sequence[_Real] | None = None,
+        relative: bool = False,
     ) -> Problem: ...
-    def reduce_priced(self, stiffness: _Real, damping: _Real, free: Sequence[int]) -> tuple[_Real, float]: ...
-    def reduce(self, stiffness: _Real, damping: _Real, free: Sequence[int]) -> _Real: ...
+    def reduce_priced(
+        self, stiffness: _Real, damping: _Real, free: Sequence[int | Sequence[int]]
+    ) -> tuple[_Real, float]: ...
+    def reduce(self, stiffness: _Real, damping: _Real, free: Sequence[int | Sequence[int]]) -> _Real: ...
+    def descend(
+        self,
+        stiffness: _Real,
+        damping: _Real,
+        free: Sequence[int | Sequence[int]],
+        start: _Real,
+        lower: _Real,
+        upper: _Real,
+        *,
+        priors: Sequence[tuple[int, float, float]],
+        tolerance: float,
+        evaluations: int,
+        radius: float,
+        watch: Callable[[int, float], object] | None,
+    ) -> tuple[_Real, float, _Real, float, _Real, Literal["converged", "limit", "interrupted"]]: ...
     def costs(self, stiffness: _Real, damping: _Real) -> _Real: ...
 
 def follow(
