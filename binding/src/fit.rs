@@ -121,8 +121,8 @@ impl Problem {
     }
 
     /// Bounded least squares from `start` (c,), logarithms of the `free` parameters; `priors` are (parameter, expected
-    /// logarithm, one over its standard deviation). `watch` gets the evaluations so far and the lowest price a few times
-    /// a second.
+    /// logarithm, one over its standard deviation). `watch` gets the evaluations so far and the lowest
+    /// price before each evaluation.
     #[pyo3(signature = (stiffness, damping, free, start, lower, upper, *, priors, tolerance, evaluations, radius, watch))]
     #[allow(clippy::too_many_arguments)] // named in Python
     fn descend<'py>(
@@ -155,10 +155,13 @@ impl Problem {
         let (mut count, mut last) = (0_usize, Instant::now());
         let descent = py.detach(|| {
             fit.descend(&start, &lower, &upper, settings, |best| {
-                if last.elapsed() >= PATIENCE {
-                    last = Instant::now();
+                let impatient = last.elapsed() >= PATIENCE;
+                if impatient || watch.is_some() {
                     let heard = Python::attach(|py| {
-                        py.check_signals()?;
+                        if impatient {
+                            last = Instant::now();
+                            py.check_signals()?;
+                        }
                         watch.as_ref().map_or(Ok(()), |watch| watch.call1(py, (count, best)).map(|_| ()))
                     });
                     broken = heard.err();

@@ -250,35 +250,37 @@ impl WithSimd for Task<'_> {
                         *product = y.mul(simd, x);
                     }
                 }
-                let mut put = |residual: [Real<S>; 2], root: Real<S>, per_response: Complex<S>| {
-                    block.put(width - 1, [residual[0].mul(simd, root), residual[1].mul(simd, root)]);
+                // One place that fills rows: what is called from several is not inlined, and then not vectorized.
+                let first = self.deviation(simd, h, (a, b), start, &mut price)?;
+                let mut rows = [(first, h.inverse(simd)); 2];
+                let mut count = 1;
+                if mirrored && a != b {
+                    let second = self.deviation(simd, h, (b, a), start, &mut price)?;
+                    if joined_rows {
+                        rows[0].0 = joined(simd, first, second, &mut rest);
+                    } else {
+                        rows[1].0 = second;
+                        count = 2;
+                    }
+                }
+                if target.deviation == Deviation::Relative {
+                    rows[0].1 = self.inverse(simd, (a, b), start);
+                    if count == 2 {
+                        rows[1].1 = self.inverse(simd, (b, a), start);
+                    }
+                }
+                for ((residual, root), per_response) in &rows[..count] {
+                    block.put(width - 1, [residual[0].mul(simd, *root), residual[1].mul(simd, *root)]);
                     let scale = per_response.scale(simd, root.neg(simd));
                     for (column, tied) in columns.iter().enumerate() {
-                        let mut terms = tied
-                            .iter()
-                            .map(|&(kind, branch)| products[branch].mul(simd, slopes[branch][kind]));
-                        let first = terms.next().unwrap_or(Complex::zero(simd));
-                        let value = terms.fold(first, |sum, term| sum.add(simd, term)).mul(simd, scale);
+                        let mut value = Complex::zero(simd);
+                        for &(kind, branch) in tied {
+                            value = value.add_mul(simd, products[branch], slopes[branch][kind]);
+                        }
+                        let value = value.mul(simd, scale);
                         block.put(column, [value.re, value.im]);
                     }
                     block.filled += 2 * REGISTERS;
-                };
-                let (first, root) = self.deviation(simd, h, (a, b), start, &mut price)?;
-                let twin = mirrored && a != b;
-                match target.deviation {
-                    Deviation::Logarithmic if twin => {
-                        let second = self.deviation(simd, h, (b, a), start, &mut price)?;
-                        let (mean, total) = joined(simd, (first, root), second, &mut rest);
-                        put(mean, total, h.inverse(simd));
-                    }
-                    Deviation::Logarithmic => put(first, root, h.inverse(simd)),
-                    Deviation::Relative => {
-                        put(first, root, self.inverse(simd, (a, b), start));
-                        if twin {
-                            let (second, root) = self.deviation(simd, h, (b, a), start, &mut price)?;
-                            put(second, root, self.inverse(simd, (b, a), start));
-                        }
-                    }
                 }
             }
             if block.filled + per_chunk > height {

@@ -40,7 +40,20 @@ if TYPE_CHECKING:
     from armonic.state_space import StateSpace
     from armonic.surveying import Grid, Sample, path, survey
     from armonic.synthesis import frf, responses
-    from armonic.updating import Fit, FittedParameter, Measurement, peak_weights, update
+    from armonic.updating import (
+        Fit,
+        FittedParameter,
+        Genetic,
+        Law,
+        Measurement,
+        ModalMeasurement,
+        Parameter,
+        Prior,
+        Progress,
+        Record,
+        peak_weights,
+        update,
+    )
 
 __all__ = [
     "ArmonicError",
@@ -51,12 +64,19 @@ __all__ = [
     "Frf",
     "FrfError",
     "GainMargin",
+    "Genetic",
     "Grid",
+    "Law",
     "LinearModel",
     "Measurement",
+    "ModalMeasurement",
     "ModelError",
     "Modes",
+    "Parameter",
     "PostureError",
+    "Prior",
+    "Progress",
+    "Record",
     "Robot",
     "RobotFileError",
     "Sample",
@@ -106,7 +126,10 @@ _HOME = {
     "state_space": ("StateSpace",),
     "surveying": ("Grid", "Sample", "path", "survey"),
     "synthesis": ("frf", "responses"),
-    "updating": ("Fit", "FittedParameter", "Measurement", "peak_weights", "update"),
+    "updating": (
+        "Fit", "FittedParameter", "Genetic", "Law", "Measurement", "ModalMeasurement", "Parameter", "Prior", "Progress",
+        "Record", "peak_weights", "update",
+    ),
 }  # fmt: skip
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from armonic import __version__
-from armonic.cli import INTERRUPTED, demo, export, fitting, mapping, model, robots
+from armonic.cli import INTERRUPTED, demo, export, fitting, mapping, model, planning, robots
 from armonic.cli.refusals import TyperUsageError, refuse
 from armonic.errors import ArmonicError
 
@@ -23,7 +23,16 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (model.modes, model.frf, export.export, fitting.update, robots.check, robots.robots, demo.demo):
+for command in (
+    model.modes,
+    model.frf,
+    export.export,
+    fitting.update,
+    planning.plan,
+    robots.check,
+    robots.robots,
+    demo.demo,
+):
     app.command()(command)
 app.command("map")(mapping.map_)
 

@@ -91,19 +91,22 @@ def plain(data: Any) -> Any:
 
 
 @contextmanager
-def fit_progress() -> Iterator[Callable[[int, float], None] | None]:
+def fit_progress() -> Iterator[Callable[[FitProgress], None] | None]:
     """A bar on stderr that vanishes at the end, and what moves it; None if nobody would see it."""
     if not sys.stderr.isatty():
         yield None
         return
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-    columns = (TextColumn("Fitting"), BarColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    columns = (TextColumn("Fitting"), BarColumn(), TextColumn("{task.description}"), TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        # How many evaluations a fit takes is not known before, so the bar only shows that it lives.
-        task = bar.add_task("linearizing", total=None)
-        yield lambda evaluations, cost: bar.update(task, description=f"evaluation {evaluations}, cost {cost:.4g}")
+        task = bar.add_task("linearizing", total=1.0)
+
+        def move(now: FitProgress) -> None:
+            bar.update(task, completed=now.done, description=f"evaluation {now.evaluations}, cost {now.cost:.4g}")
+
+        yield move
 
 
 @contextmanager

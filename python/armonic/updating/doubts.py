@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
+from scipy.signal import find_peaks
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
 
     from armonic.response import Frf
     from armonic.updating.measurement import Measurement
+    from armonic.updating.uncertainty import FittedParameter
 
     Array: TypeAlias = NDArray[np.float64]
 
@@ -22,6 +24,8 @@ FLOOR_RATIO = 5.0
 """The weakest third of the values deviates so many times more than the strongest: that is a noise floor."""
 FEWEST = 10
 """Fewer values than this in a third say nothing about the noise."""
+RESONANCE_DB = 6.0
+"""A response whose highest maximum stands out less than this from what surrounds it has no resonance in the band."""
 NOISELESS = 1e-6
 """Below this there is nothing but rounding."""
 
@@ -61,3 +65,35 @@ def doubts(
         "The intervals assume noise in proportion and are too narrow here: leave out what the floor hides, by weights "
         "or by a band.",
     ), True
+
+
+def without_resonance(measurements: Sequence[Measurement], weights: Sequence[Array]) -> tuple[str, ...]:
+    """A doubt for each measurement whose band holds no resonance: it then speaks of stiffness and mass together only.
+
+    Args:
+        measurements: what was fitted.
+        weights: weight of every value; those of zero are left out.
+    """
+    said = []
+    for m, weight in zip(measurements, weights, strict=True):
+        used = (weight > 0).any(axis=(1, 2))
+        level = 20 * np.log10(np.maximum(np.abs(m.frf.values[used]), np.finfo(float).tiny))
+        level = level.reshape(len(level), -1)
+        if len(level) < FEWEST or any(find_peaks(column, prominence=RESONANCE_DB)[0].size for column in level.T):
+            continue
+        f = m.frf.freq_hz[used]
+        said.append(
+            f"No response of {m.label} has a resonance between {f[0]:g} and {f[-1]:g} Hz: dampings and most "
+            "stiffnesses leave no trace there. Use a band that holds resonances."
+        )
+    return tuple(said)
+
+
+def nothing_identified(parameters: Sequence[FittedParameter], noise: float) -> tuple[str, ...]:
+    """A doubt where no parameter is known to better than a factor."""
+    if any(p.verdict in ("identified", "weak") for p in parameters):
+        return ()
+    return (
+        f"Nothing is identified: with a noise of {100 * noise:.2g} % these data narrow no parameter down. Use more or "
+        "cleaner lines, hold some parameters, or give priors.",
+    )

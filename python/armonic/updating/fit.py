@@ -2,187 +2,180 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Mapping
+from dataclasses import replace
 from time import perf_counter
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from armonic import _core
-from armonic.errors import ModelError, UpdateError
-from armonic.linear import LinearModel, linearize
-from armonic.modal import Modes, mac, modes
-from armonic.response import Frf
-from armonic.synthesis import AXES, frf, system
-from armonic.updating.doubts import doubts
-from armonic.updating.measurement import Measurement, levelled
-from armonic.updating.parameters import Parameter, choose, refuse_loaded
-from armonic.updating.solver import Objective, Status, minimize
-from armonic.updating.uncertainty import FittedParameter, judge
+from armonic.linear import linearize
+from armonic.modal import mac, modes
+from armonic.updating.checkpoint import Checkpoint
+from armonic.updating.doubts import doubts, nothing_identified, without_resonance
+from armonic.updating.genetic import Genetic
+from armonic.updating.judging import judged
+from armonic.updating.models import models_at, refuse_absent, responses_like, robot_with
+from armonic.updating.options import check_options, refuse_few, sorted_measurements
+from armonic.updating.parameters import choose, refuse_loaded
+from armonic.updating.priors import Prior, anchors_of
+from armonic.updating.record import record_of
+from armonic.updating.result import Fit
+from armonic.updating.running import Progress
+from armonic.updating.search import Search
+from armonic.updating.task import Task
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
+    from pathlib import Path
 
     from numpy.typing import NDArray
 
+    from armonic.response import Frf
     from armonic.robot import Robot
-    from armonic.updating.parameters import Bounds
+    from armonic.updating.judging import Judgement
+    from armonic.updating.laws import Law
+    from armonic.updating.measurement import Loss, Measurement
+    from armonic.updating.modal_data import ModalMeasurement
+    from armonic.updating.options import Cost, Method
+    from armonic.updating.parameters import Bounds, Parameter, Patterns
+    from armonic.updating.stages import Run
+    from armonic.updating.uncertainty import FittedParameter
 
     Array: TypeAlias = NDArray[np.float64]
 
 
-SMALLEST_TOLERANCE = float(np.finfo(float).eps)
-ROUNDING = 1e-12
-"""A response smaller than this share of the terms it adds up from is zero."""
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Fit:
-    """The result of model updating.
-
-    Attributes:
-        start: the description before.
-        parameters: value, bounds, 95 % interval and verdict of each fitted parameter; none is called identified by data
-            that the model does not explain.
-        cost: weighted sum of squared log differences at the end (Huynh et al. 2021, Eq. 22).
-        start_cost: the same before.
-        cost_history: best cost after each evaluation, (E,).
-        evaluations: how often residual and Jacobian were computed, in both passes.
-        noise: estimated relative noise of the responses (standard deviation of one real part of ln H).
-        status: "converged", "limit" or "interrupted".
-        message: the solver's own words.
-        doubts: what speaks against trusting verdicts and intervals, in full sentences; empty if nothing does.
-        duration_s: from call to return, wall clock.
-        measurements: what was fitted.
-        postures: label of each measurement's posture, once each.
-        before: modes before, one per entry of `postures`.
-        after: modes after.
-        mac: mass-weighted MAC of modes before (rows) and after (columns), one matrix per posture.
-        frf_before: model responses before, one per measurement, in its kind and lines.
-        frf_after: model responses after.
-    """
-
-    start: Robot
-    parameters: tuple[FittedParameter, ...]
-    cost: float
-    start_cost: float
-    cost_history: Array
-    evaluations: int
-    noise: float
-    status: Status
-    message: str
-    doubts: tuple[str, ...]
-    duration_s: float
-    measurements: tuple[Measurement, ...]
-    postures: tuple[str, ...]
-    before: tuple[Modes, ...]
-    after: tuple[Modes, ...]
-    mac: tuple[Array, ...]
-    frf_before: tuple[Frf, ...]
-    frf_after: tuple[Frf, ...]
-
-    @cached_property
-    def robot(self) -> Robot:
-        """The description with the fitted numbers, comments kept."""
-        return self.start.with_values({p.path: p.value for p in self.parameters})
-
-    def __repr__(self) -> str:
-        """How it ended and what it found, in one line."""
-        verdicts = Counter(p.verdict for p in self.parameters)
-        found = ", ".join(f"{count} {verdict}" for verdict, count in verdicts.items())
-        cost = f"cost {self.start_cost:.4g} -> {self.cost:.4g} in {self.evaluations} evaluations"
-        return f"Fit({self.status}, {cost}, {len(self.parameters)} parameters: {found})"
-
-
 def update(
     robot: Robot,
-    measurements: Measurement | Sequence[Measurement],
+    measurements: Measurement | ModalMeasurement | Sequence[Measurement | ModalMeasurement],
     *,
-    parameters: str | Iterable[str] = "elasticity",
+    parameters: Patterns = "elasticity",
     bounds: Bounds | None = None,
+    hold: Patterns | Mapping[str, float] = (),
+    ties: Iterable[Patterns] = (),
+    laws: Mapping[str, Law] | None = None,
+    priors: Mapping[str, Prior | float] | None = None,
+    method: Method = "continuation",
+    cost: Cost = "logarithmic",
+    loss: Loss = "squares",
+    genetic: Genetic | None = None,
+    starts: int = 1,
+    seed: int = 0,
+    threads: int | None = None,
     tolerance: float = 1e-10,
-    max_evaluations: int = 1000,
-    progress: Callable[[int, float], None] | None = None,
+    max_evaluations: int | None = None,
+    checkpoint: str | Path | None = None,
+    progress: Callable[[Progress], object] | None = None,
 ) -> Fit:
-    """Fits elastic parameters to measured frequency responses.
+    """Fits a robot's numbers to measured frequency responses, or modes, and says what these determine.
 
-    Minimizes Σ W |ln H_s − ln H|², the phase difference taken to its principal value (Huynh et al. 2021, Eq. 22), by
-    bounded trust-region least squares on the logarithms of the parameters, with the analytic Jacobian. Emphasis on
-    peaks makes it easy to get stuck, so where the weights have any, a first, coarse pass goes without it
-    (`benches/success_rate.py` measures what that is worth). Ctrl-C ends the run and keeps the best so far.
+    Minimizes Σ W |ln H_s − ln H|², the phase difference taken to its principal value (Huynh et al. 2021, Eq. 22), in
+    the logarithms of the parameters, with the analytic Jacobian. By default it follows the minimum down a ladder of
+    contours s = σ + iω, where peaks are blunt and the way is clear, to the imaginary axis (docs/updating.md). If the
+    model then does not explain the data, it tries again from a few random starts. Ctrl-C ends the run and keeps the
+    best so far.
 
     Args:
         robot: start values, and bounds where its file gives them.
-        measurements: one or more; all are fitted with one set of parameters.
+        measurements: one or more, responses or modes; all are fitted with one set of parameters.
         parameters: paths, shell patterns or groups: "elasticity", "stiffness", "links.arm.elasticity.*.stiffness", ...
+            Masses, centres of mass, inertia, gains, shafts and placements are named by paths of their own
+            ("links.arm.mass"); derivatives with respect to them are exact in s, and central differences in the
+            matrices.
         bounds: (low, high) by path or pattern, within those of the file; a factor of a thousand either way where
-            neither gives any.
+            neither gives any (ten for masses and the like).
+        hold: what is not fitted though it matches; a mapping gives values, others keep those of the robot.
+        ties: groups of paths or patterns that share one value.
+        laws: by path or pattern, how a stiffness or damping depends on the posture or load.
+        priors: by path or pattern, what is known beforehand: a relative standard deviation about the robot's value, or
+            a Prior with a value of its own.
+        method: "continuation"; "least_squares" from the start as it is; "genetic" for the paper's own procedure
+            (Huynh et al. 2021, Fig. 2).
+        cost: "logarithmic", or "relative" for Σ W |(H_s − H)/H|².
+        loss: "squares", or a robust "huber" or "cauchy" for values that are far off.
+        genetic: options of the genetic method.
+        starts: the robot's values and this many less one drawn at random from within the bounds; the best is kept.
+        seed: of random starts and of the genetic method.
+        threads: for several starts; as many as there are cores if not given.
         tolerance: relative change of cost and step at which the fit has converged, from 2.2e-16 to 1.
-        max_evaluations: limit on residual evaluations, both passes together.
-        progress: called with the number of evaluations and the best cost so far.
+        max_evaluations: limit on evaluations of each start, over all stages; 1000, or 200 000 of the genetic method.
+        checkpoint: a file that holds the state of the run; if it is there the run goes on from it, to the same result.
+        progress: called with a Progress at every evaluation.
 
     Raises:
-        UpdateError: parameters, bounds, weights, tolerance or limit are not valid.
+        UpdateError: parameters, bounds, ties, laws, priors, weights, options or checkpoint are not valid, or the data
+            are fewer than the parameters.
         PostureError: a posture or frame does not fit the robot.
         ModelError: the model has no response at the start, or cannot have one that was measured.
     """
     begin = perf_counter()
-    measurements = (measurements,) if isinstance(measurements, Measurement) else tuple(measurements)
-    strange = [m for m in measurements if not isinstance(m, Measurement)]
-    if strange or not measurements:
-        found = f"a {type(strange[0]).__name__}" if strange else "none"
-        raise UpdateError("measurements", found=found, expected="at least one Measurement(frf, posture=..., frame=...)")
-    if not SMALLEST_TOLERANCE <= tolerance < 1:
-        raise UpdateError("tolerance", found=f"{tolerance}", expected=f"a number from {SMALLEST_TOLERANCE:.1e} to 1")
-    if not max_evaluations >= 1:
-        raise UpdateError("max_evaluations", found=f"{max_evaluations}", expected="at least 1")
-    models = [linearize(robot, m.posture) for m in measurements]
-    chosen = choose(robot, models[0].impedances, parameters, bounds)
+    responses, modal = sorted_measurements(measurements)
+    limit = max_evaluations if max_evaluations is not None else 200_000 if method == "genetic" else 1000
+    options = {"cost": cost, "loss": loss, "starts": starts, "tolerance": tolerance, "max_evaluations": limit}
+    check_options(method, genetic, seed=seed, threads=threads, **options)
+    if isinstance(hold, Mapping) and hold:
+        robot = robot.with_values(hold)
+    models = tuple(linearize(robot, m.posture) for m in responses)
+    model = models[0] if models else linearize(robot, modal[0].posture)
+    chosen = choose(robot, model.impedances, parameters, bounds, hold=tuple(hold) if hold else (), ties=ties, laws=laws)
     refuse_loaded(chosen, {name for model in models for name in model.loaded})
-    weights = [m.line_weights() for m in measurements]
-    frf_before = tuple(_like(m, model) for m, model in zip(measurements, models, strict=True))
-    for m, model, weight in zip(measurements, models, weights, strict=True):
-        _refuse_absent(m, model, weight)
-    free = [p.index for p in chosen]
-    theta = np.concatenate([models[0].spring, models[0].damper])
-    problem = _problem(measurements, models, weights)
-    objective = Objective(problem, theta, free, progress=progress, limit=max_evaluations)
-    even = [levelled(w) for w in weights]
-    emphasis = not all(np.array_equal(a, b) for a, b in zip(weights, even, strict=True))
-    run = minimize(
-        objective,
-        np.array([p.start for p in chosen]),
-        np.array([p.lower for p in chosen]),
-        np.array([p.upper for p in chosen]),
+    anchors = anchors_of(robot, chosen, priors or {})
+    task = Task(robot, responses, models, modal, chosen, anchors, cost == "relative")
+    weights = [m.line_weights() for m in responses]
+    frf_before = responses_like(task, models)
+    for m, model, weight in zip(responses, models, weights, strict=True):
+        refuse_absent(m, model, weight)
+    refuse_few(task, weights)
+    asked = options | {"genetic": genetic, "laws": dict(laws or {}), "priors": dict(priors or {}), "hold": _plain(hold)}
+    record = record_of(robot, [*responses, *modal], chosen, method, seed, asked)
+    search = Search(
+        task,
+        weights,
+        method=method,
+        genetic=genetic or Genetic(),
+        loss=loss,
+        starts=starts,
+        seed=seed,
+        threads=threads,
         tolerance=tolerance,
-        levelled=_problem(measurements, models, even, prices=weights) if emphasis else None,
+        limit=limit,
+        checkpoint=Checkpoint(checkpoint, record.fingerprint) if checkpoint is not None else None,
+        progress=progress,
     )
-    values = np.array([_rounded(v, p) for p, v in zip(chosen, run.values, strict=True)])
-    fitted, noise = _judged(measurements, models, weights, objective, chosen, values)
-    theta[free] = values
-    after = [model.with_impedances(*theta.reshape(2, -1)) for model in models]
-    first = {model.posture: i for i, model in reversed(list(enumerate(models)))}
+    run = search.run()
+    x0, moved = task.start, task.values(run.x)
+    values = np.array([p.start if run.x[i] == x0[i] else _rounded(moved[i], p) for i, p in enumerate(chosen)])
+    x = np.array([p.coordinate(v) for p, v in zip(chosen, values, strict=True)])
+    known = judged(task, x, values, search.weights, [m.precision() for m in responses], search.anchored)
+    after = models_at(task, values)
+    frf_after = responses_like(task, after)
+    fitted, doubtful = _doubted(task, known, frf_after, weights)
+    places = [*models, *(linearize(robot, m.posture) for m in modal)]
+    ends = [*after, *(linearize(robot_with(robot, chosen, values), m.posture) for m in modal)]
+    first = {model.posture: i for i, model in reversed(list(enumerate(places)))}
     order = sorted(first.values())
-    modes_before, modes_after = (tuple(modes(side[i]) for i in order) for side in (models, after))
-    frf_after = tuple(_like(m, model) for m, model in zip(measurements, after, strict=True))
-    doubtful, explained = doubts(measurements, frf_after, weights, noise)
-    if not explained:
-        fitted = tuple(replace(p, verdict="weak") if p.verdict == "identified" else p for p in fitted)
+    modes_before, modes_after = (tuple(modes(side[i]) for i in order) for side in (places, ends))
     return Fit(
         start=robot,
         parameters=fitted,
+        coordinates=chosen,
+        covariance=known.covariance,
+        information=known.information,
         cost=run.cost,
-        start_cost=float(run.history[0]),
-        cost_history=run.history,
-        evaluations=len(run.history),
-        noise=noise,
+        start_cost=search.start_cost,
+        cost_history=np.concatenate([stage.history for stage in run.stages]),
+        stages=run.stages,
+        evaluations=search.evaluations,
+        starts=tuple(search.ends),
+        noise=known.noise,
         status=run.status,
-        message=run.message,
+        message=search.message or _words(run, limit),
+        method=method,
         doubts=doubtful,
-        measurements=measurements,
-        postures=tuple(models[i].posture for i in order),
+        record=record,
+        measurements=responses,
+        modal_measurements=modal,
+        postures=tuple(places[i].posture for i in order),
         before=modes_before,
         after=modes_after,
         mac=tuple(mac(a, b) for a, b in zip(modes_before, modes_after, strict=True)),
@@ -193,97 +186,31 @@ def update(
 
 
 def _rounded(value: float, parameter: Parameter) -> float:
-    """Twelve significant digits, within the bounds; what the fit left alone keeps its own."""
-    if value == parameter.start:
-        return parameter.start
+    """Twelve significant digits, within the bounds."""
     return min(max(float(f"{value:.12g}"), parameter.lower), parameter.upper)
 
 
-def _refuse_absent(m: Measurement, model: LinearModel, weight: Array) -> None:
-    """Raises a ModelError for a response that the model cannot have, as across the plane of a planar robot.
-
-    It comes out as zero, or as what rounding leaves of it, whatever the parameters; its logarithm means nothing.
-    """
-    watched, hit = model.jacobian(m.frame), model.jacobian(m.frf.input_frame or m.frame)
-    reach_out, reach_in = (np.repeat(np.abs(J).reshape(2, 3, -1).max(axis=1), 3, axis=0) for J in (watched, hit))
-    rows, columns = ([AXES.index(axis) for axis in axes] for axes in (m.frf.outputs, m.frf.inputs))
-    used = np.flatnonzero((weight > 0).any(axis=(1, 2)))
-    s = 2j * np.pi * m.frf.freq_hz[used[[0, len(used) // 2, -1]], None, None]
-    try:
-        X = np.linalg.inv(s**2 * model.mass + s * model.damping + model.stiffness)
-    except np.linalg.LinAlgError:
-        return
-    size = np.abs(watched[rows] @ X @ hit[columns].T)
-    scale = reach_out[rows] @ np.abs(X) @ reach_in[columns].T
-    absent = (size <= ROUNDING * scale).all(axis=0) & (weight > 0).any(axis=0)
-    if absent.any():
-        a, b = (int(i) for i in np.argwhere(absent)[0])
-        out, into = m.frf.outputs[a], m.frf.inputs[b]
-        raise ModelError(
-            f"{m.label}: H_{out}{into}",
-            found="a measured response that is zero in the model, whatever its parameters",
-            expected=f"a model that moves along {out} under a load along {into}",
-            hint="Leave it out with frf.select(...), give it weight zero, or add the elasticity that it comes from.",
-        )
+def _doubted(
+    task: Task, known: Judgement, frfs: Sequence[Frf], weights: Sequence[Array]
+) -> tuple[tuple[FittedParameter, ...], tuple[str, ...]]:
+    """Verdicts as far as the model explains the data, and what speaks against them."""
+    fitted = known.parameters
+    if not task.measurements:
+        return fitted, nothing_identified(fitted, known.noise)
+    doubtful, explained = doubts(task.measurements, frfs, weights, known.noise)
+    if not explained:
+        fitted = tuple(replace(p, verdict="weak") if p.verdict == "identified" else p for p in fitted)
+    silent = without_resonance(task.measurements, weights)
+    return fitted, (*doubtful, *silent, *nothing_identified(fitted, known.noise))
 
 
-def _problem(
-    measurements: Sequence[Measurement],
-    models: Sequence[LinearModel],
-    weights: Sequence[Array],
-    *,
-    prices: Sequence[Array] | None = None,
-) -> _core.Problem:
-    """The core's residual under some weights, and its price under others (the same if not given).
-
-    The factor (iω)^p of the kind cancels in a log difference, so receptances are compared.
-    """
-    targets, told = [], []
-    for m, model, weight, price in zip(measurements, models, weights, prices or weights, strict=True):
-        power = {"receptance": 0, "mobility": 1, "accelerance": 2}[m.frf.kind]
-        points = 2j * np.pi * m.frf.freq_hz
-        kept = (points != 0) | (power == 0)
-        values = m.frf.values[kept] / (points[kept] ** power)[:, None, None]
-        core = system(model, m.frame, m.frf.outputs, m.frf.inputs, input_frame=m.frf.input_frame)
-        targets.append((core, points[kept], values, weight[kept]))
-        told.append(price[kept])
-    try:
-        return _core.Problem(targets, prices=told)
-    except ValueError as error:
-        raise UpdateError(
-            "measurements", found=str(error), expected="responses of ordinary size, in SI units"
-        ) from None
+def _words(run: Run, limit: int) -> str:
+    if run.status == "interrupted":
+        return "stopped by the user"
+    if run.status == "limit":
+        return f"stopped after {limit} evaluations"
+    return "cost and parameters have settled"
 
 
-def _judged(
-    measurements: Sequence[Measurement],
-    models: Sequence[LinearModel],
-    weights: Sequence[Array],
-    objective: Objective,
-    chosen: tuple[Parameter, ...],
-    values: Array,
-) -> tuple[tuple[FittedParameter, ...], float]:
-    """Verdicts, and the noise that the residual left by the fit speaks of."""
-    used = [(w > 0).astype(float) for w in weights]
-    equal, squared = (
-        Objective(_problem(measurements, models, w), objective.theta, objective.free).triangle(values)
-        for w in (used, [w**2 for w in weights])
-    )
-    freedom = int(2 * sum(w.sum() for w in used)) - len(chosen)
-    noise = float(np.sqrt(np.sum(equal[:, -1] ** 2) / max(freedom, 1)))
-    return judge(chosen, values, objective.triangle(values), squared, noise=noise, freedom=freedom), noise
-
-
-def _like(m: Measurement, model: LinearModel) -> Frf:
-    """The model's response in the lines, axes and kind of a measurement."""
-    H = m.frf
-    return frf(
-        model,
-        None,
-        H.freq_hz,
-        frame=m.frame,
-        kind=H.kind,
-        outputs=H.outputs,
-        inputs=H.inputs,
-        input_frame=H.input_frame,
-    )
+def _plain(hold: Patterns | Mapping[str, float]) -> object:
+    return dict(hold) if isinstance(hold, Mapping) else hold if isinstance(hold, str) else list(hold)

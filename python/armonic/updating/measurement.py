@@ -11,6 +11,8 @@ from scipy.signal import find_peaks
 from armonic.errors import UpdateError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import ArrayLike, NDArray
 
     from armonic.linear import Posture
@@ -18,6 +20,10 @@ if TYPE_CHECKING:
 
     Array: TypeAlias = NDArray[np.float64]
 
+Loss = Literal["squares", "huber", "cauchy"]
+
+BEST_COHERENCE = 0.9999
+"""A coherence above this is taken for this: no value is known without error."""
 PEAK_GAIN = 80.0
 """Weight of a line at a peak, and of its neighbours (Huynh et al. 2021, section 5)."""
 BASE_GAIN = 0.5
@@ -38,11 +44,16 @@ class Measurement:
         posture: name of the robot's posture, or joint coordinates (rad, m).
         frame: the sensor's frame on the robot; that of the FRF if it knows one.
         weights: "peaks" for the paper's automatic weights, "uniform" for one everywhere, or numbers of zero or more per
-            line (L,) or per value (L, outputs, inputs). A line of weight zero is left out.
+            line (L,), per response (1, outputs, inputs) or per value (L, outputs, inputs). A line of weight zero is
+            left out.
         label: a name for tables and figures.
+        coherence: γ² of every value, (L,) or (L, outputs, inputs), from 0 to 1. Relative errors go by (1 − γ²)/γ²
+            (Bendat and Piersol), so weights are divided by that; values of coherence zero are left out.
+        mask: which values to use, of booleans, (L,) or (L, outputs, inputs).
+        band: (low, high) in Hz; other lines are left out, but stay in figures.
 
     Raises:
-        UpdateError: no frame, weights that do not fit, or a zero where a logarithm is taken.
+        UpdateError: no frame, weights, coherence or mask that do not fit, or a zero where a logarithm is taken.
     """
 
     frf: Frf
@@ -50,6 +61,9 @@ class Measurement:
     frame: str = ""
     weights: ArrayLike | Literal["peaks", "uniform"] = field(default="peaks", repr=False)
     label: str = ""
+    coherence: ArrayLike | None = field(default=None, repr=False)
+    mask: ArrayLike | None = field(default=None, repr=False)
+    band: Sequence[float] | None = None
 
     def __post_init__(self) -> None:
         frame = self.frame or self.frf.frame or ""
@@ -76,6 +90,7 @@ class Measurement:
             weights = self._given_weights()
         if H.freq_hz[0] == 0 and H.kind != "receptance":
             weights[0] = 0.0
+        weights *= self.precision()
         zero = (H.values == 0) & (weights > 0)
         if zero.any():
             line, a, b = (int(i[0]) for i in np.nonzero(zero))
@@ -91,6 +106,58 @@ class Measurement:
             )
         return weights
 
+    def precision(self) -> Array:
+        """Relative inverse variance of every value, (L, outputs, inputs): one at the median coherence, zero if unused.
+
+        Without coherence, one wherever mask and band let values pass.
+        """
+        shape = self.frf.values.shape
+        used = np.ones(shape)
+        if self.mask is not None:
+            used *= self._per_value("mask", self.mask, boolean=True)
+        if self.band is not None:
+            try:
+                low, high = (float(edge) for edge in self.band)
+            except (TypeError, ValueError):
+                low, high = np.nan, np.nan
+            if not low < high:
+                raise UpdateError(f"{self.label}: band", found=repr(self.band), expected="(low, high) in Hz")
+            f = self.frf.freq_hz
+            used *= ((f >= low) & (f <= high))[:, None, None]
+        if self.coherence is not None:
+            coherence = self._per_value("coherence", self.coherence)
+            if not ((coherence >= 0) & (coherence <= 1)).all():
+                raise UpdateError(f"{self.label}: coherence", found="a value out of range", expected="γ² from 0 to 1")
+            coherence = np.minimum(coherence, BEST_COHERENCE)
+            precision = coherence / (1 - coherence)
+            if (used * precision > 0).any():
+                used *= precision / np.median(precision[used * precision > 0])
+            else:
+                used[:] = 0.0
+        return used
+
+    def _per_value(self, name: str, given: ArrayLike, *, boolean: bool = False) -> Array:
+        """Numbers per line or per value as one array, (L, outputs, inputs)."""
+        shape = self.frf.values.shape
+        try:
+            array = np.asarray(given)
+            fits = array.dtype == bool if boolean else np.isrealobj(array)
+            values = array.astype(np.float64)
+        except (TypeError, ValueError):
+            fits, values = False, np.zeros(0)
+        if not fits:
+            wanted = "booleans, true for values to use" if boolean else "numbers"
+            raise UpdateError(
+                f"{self.label}: {name}", found=f"a {type(given).__name__} of something else", expected=wanted
+            )
+        if values.shape == shape[:1]:
+            values = values[:, None, None]
+        if values.ndim != 3 or any(n not in (1, wanted) for n, wanted in zip(values.shape, shape, strict=True)):
+            raise UpdateError(
+                f"{self.label}: {name}", found=f"shape {values.shape}", expected=f"shape {shape[:1]} or {shape}"
+            )
+        return np.array(np.broadcast_to(values, shape))
+
     def _given_weights(self) -> Array:
         shape = self.frf.values.shape
         try:
@@ -105,6 +172,8 @@ class Measurement:
             )
         if weights.shape == shape[:1]:
             weights = np.broadcast_to(weights[:, None, None], shape)
+        elif weights.shape == (1, *shape[1:]):
+            weights = np.broadcast_to(weights, shape)
         if weights.shape != shape:
             raise UpdateError(
                 f"{self.label}: weights", found=f"shape {weights.shape}", expected=f"shape {shape[:1]} or {shape}"

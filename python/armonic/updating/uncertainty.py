@@ -1,4 +1,4 @@
-"""What the data determine: an interval and a verdict for every fitted parameter, from the Jacobian at the solution."""
+"""What the data determine: covariance, an interval and a verdict for every fitted parameter, from the Jacobian."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ import numpy as np
 from scipy.special import stdtrit
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
-    from armonic.updating.parameters import Parameter
+    from armonic.updating.parameters import Parameter, Scale
 
     Array: TypeAlias = NDArray[np.float64]
 
@@ -33,15 +35,20 @@ class FittedParameter:
     """One parameter of a fit.
 
     Attributes:
-        path: where it stands in the description.
+        path: where it stands in the description; where several are tied, the first of them.
         unit: its SI unit.
         start: value before.
         value: value after.
         lower: lower bound.
         upper: upper bound.
-        interval: 95 % interval (low, high); (0, inf) where the data say nothing.
+        interval: 95 % interval (low, high); where the data say nothing (0, inf), or (-inf, inf) on a linear scale.
         verdict: "identified" (interval within 25 %), "weak" (within a factor of three), "not identifiable", or "at
-            bound".
+            bound". Of a number that may be zero, shares are taken of its size or of a tenth of its bounds, whichever is
+            larger, and "weak" is whatever the data narrow down within the bounds.
+        scale: "log" where ln(value) was fitted, else "linear".
+        deviation: standard deviation of x, that is of ln(value), or of the value in tenths of its bounds; infinite
+            where the data say nothing.
+        tied: all paths that have this value, where it is more than one.
     """
 
     path: str
@@ -52,65 +59,101 @@ class FittedParameter:
     upper: float
     interval: tuple[float, float]
     verdict: Verdict
+    scale: Scale = "log"
+    deviation: float = np.inf
+    tied: tuple[str, ...] = ()
 
 
 def judge(
-    parameters: tuple[Parameter, ...], values: Array, weighted: Array, squared: Array, *, noise: float, freedom: int
+    parameters: Sequence[Parameter],
+    values: Array,
+    gradient: Array,
+    covariance: Array,
+    freedom: int,
 ) -> tuple[FittedParameter, ...]:
     """Intervals and verdicts.
 
-    The weights of a fit say where to look, not how noisy the data are. So the covariance is that of weighted least
-    squares under equal relative noise, σ² A⁻¹ B A⁻¹ with A = JᵀWJ and B = JᵀW²J (the sandwich), J by the logarithms.
-    Parameters at a bound take part as if they could move: what they might trade against is not known any better.
+    Parameters at a bound take part in the covariance as if they could move: what they might trade against is not known
+    any better.
 
     Args:
         parameters: what was fitted, c of them.
         values: where it ended, (c,).
-        weighted: triangle of [J r] under the weights W, (c+1, c+1).
-        squared: the same under W².
-        noise: standard deviation σ of one real part of a log response.
-        freedom: degrees of freedom behind σ.
+        gradient: Jᵀr there, (c,); says whether a bound holds a parameter.
+        covariance: of x, (c, c); infinite on the diagonal where the data say nothing.
+        freedom: degrees of freedom behind the noise; below one nothing is certain.
     """
-    gradient = weighted[:, :-1].T @ weighted[:, -1]
-    lower = np.array([p.lower for p in parameters])
-    upper = np.array([p.upper for p in parameters])
-    touching = [np.log(values / lower) < 1e-3, np.log(upper / values) < 1e-3]
-    bound = (touching[0] & (gradient >= 0)) | (touching[1] & (gradient <= 0))
-    spread = _standard_deviations(weighted[:, :-1], squared[:, :-1])
-    # Without any noise, too, what the data do not see stays open: infinity times more than zero.
-    reach = spread * max(noise, np.finfo(float).tiny) * float(stdtrit(max(freedom, 1), 0.975))
+    spread = np.sqrt(np.diag(covariance))
+    reach = spread * float(stdtrit(max(freedom, 1), 0.975))
     if freedom < 1:  # as many parameters as data: no residual is left to tell the noise
         reach = np.full(len(values), np.inf)
+    return tuple(
+        _judged(p, float(values[i]), float(gradient[i]), float(spread[i]), float(reach[i]))
+        for i, p in enumerate(parameters)
+    )
 
-    def one(i: int) -> FittedParameter:
-        p, value, half = parameters[i], float(values[i]), float(reach[i])
+
+def _judged(p: Parameter, value: float, gradient: float, spread: float, half: float) -> FittedParameter:
+    at, low, high = (p.coordinate(v) for v in (value, p.lower, p.upper))
+    bound = (at - low < 1e-3 and gradient >= 0) or (high - at < 1e-3 and gradient <= 0)
+    if p.scale == "log":
         interval = (value * np.exp(-half), value * np.exp(half)) if half < OPEN else (0.0, np.inf)
-        verdict: Verdict = "not identifiable"
-        if bound[i]:
-            verdict = "at bound"
-        elif half <= np.log(IDENTIFIED_FACTOR):
-            verdict = "identified"
-        elif half <= np.log(WEAK_FACTOR):
-            verdict = "weak"
-        return FittedParameter(
-            p.path, p.unit, p.start, value, p.lower, p.upper, (float(interval[0]), float(interval[1])), verdict
-        )
+        identified, weak = half <= np.log(IDENTIFIED_FACTOR), half <= np.log(WEAK_FACTOR)
+    else:
+        interval = (value - half * p.size, value + half * p.size) if half < np.exp(OPEN) else (-np.inf, np.inf)
+        identified = half * p.size <= (IDENTIFIED_FACTOR - 1) * max(abs(value), p.size)
+        weak = half * p.size <= (p.upper - p.lower) / 2
+    verdict: Verdict = "not identifiable"
+    if bound:
+        verdict = "at bound"
+    elif identified:
+        verdict = "identified"
+    elif weak:
+        verdict = "weak"
+    return FittedParameter(
+        p.path,
+        p.unit,
+        p.start,
+        value,
+        p.lower,
+        p.upper,
+        (float(interval[0]), float(interval[1])),
+        verdict,
+        p.scale,
+        spread,
+        p.paths if len(p.paths) > 1 else (),
+    )
 
-    return tuple(one(i) for i in range(len(values)))
 
+def covariance_of(weighted: Array, scatter: Array) -> Array:
+    """Covariance A⁺ B A⁺ of x for A = WᵀW, B = SᵀS, (c, c).
 
-def _standard_deviations(weighted: Array, squared: Array) -> Array:
-    """Square roots of diag(A⁺ B A⁺) for A = WᵀW, B = SᵀS; infinite along directions that A does not see."""
+    The weights of a fit say where to look, not how noisy the data are. So the covariance is that of weighted least
+    squares under the noise as it is (the sandwich): with weights W and rows of standard deviation σ, A = JᵀWJ and
+    B = σ² JᵀW²J.
+
+    Args:
+        weighted: rows whose squares are A, (R, c).
+        scatter: rows whose squares are B, (S, c).
+
+    Returns:
+        Infinite variance, and covariances of zero, for parameters that a direction runs through which A does not see.
+    """
+    count = weighted.shape[1]
     scale = np.linalg.norm(weighted, axis=0)
-    seen = scale > NULL_DIRECTION * scale.max()
-    out = np.full(weighted.shape[1], np.inf)
+    seen = scale > NULL_DIRECTION * scale.max(initial=0.0)
+    out = np.diag(np.full(count, np.inf))
     if not seen.any():
         return out
     scale = scale[seen]
     _, sizes, right = np.linalg.svd(weighted[:, seen] / scale, full_matrices=False)
     kept = sizes > NULL_DIRECTION * sizes[0]
     inverse = (right[kept].T / sizes[kept] ** 2) @ right[kept]
-    deviation = np.linalg.norm((squared[:, seen] / scale) @ inverse, axis=0) / scale
-    blind = np.abs(right[~kept]).max(axis=0, initial=0.0) > 1e-3
-    out[seen] = np.where(blind, np.inf, deviation)
+    spread = (scatter[:, seen] / scale) @ inverse / scale
+    unseen = np.eye(int(seen.sum())) - right[kept].T @ right[kept]
+    blind = np.sqrt(np.maximum(np.diag(unseen), 0.0)) > 1e-3
+    block = spread.T @ spread
+    block[blind], block[:, blind] = 0.0, 0.0
+    block[blind, blind] = np.inf
+    out[np.ix_(seen, seen)] = block
     return out

@@ -1,0 +1,105 @@
+"""A frequency response off the imaginary axis: what a contour continuation compares.
+
+A stable response is analytic to the right of the imaginary axis, and its value at s = σ + iω is the mean of the
+measured one under a bell of half width σ, Poisson's kernel. Every peak melts to a width of σ at least, so that a model
+whose peaks are elsewhere still feels where the measured ones are.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array: TypeAlias = NDArray[np.float64]
+    Complex: TypeAlias = NDArray[np.complex128]
+
+WIDEST = 0.2
+"""First σ as a share of the band, in rad/s: peaks over a fifth of the band are as good as melted."""
+NARROWEST = 0.05
+"""Last σ as a share of the first: what is left is narrower than the error of the smoothing."""
+FINEST = 0.6
+"""No σ below this share of the distance between lines: narrower bells see single lines."""
+LEVELS = 5
+"""Rungs of the ladder."""
+TAIL_NODES = 32
+
+
+def ladder(freq_hz: Array) -> tuple[float, ...]:
+    """The values of σ that a continuation goes down, rad/s, falling; none if the lines are too few for any.
+
+    They fall geometrically from a fifth of the band to a twentieth of that, but not below what the lines resolve.
+
+    Args:
+        freq_hz: the lines, rising, (L,).
+    """
+    lines = 2 * np.pi * np.asarray(freq_hz)
+    if len(lines) < 4:
+        return ()
+    widest = WIDEST * (lines[-1] - min(lines[0], np.median(np.diff(lines))))
+    finest = max(NARROWEST * widest, FINEST * float(np.median(np.diff(lines))))
+    if finest >= widest:
+        return ()
+    rungs = np.geomspace(widest, max(finest, NARROWEST * widest), LEVELS)
+    return tuple(float(sigma) for sigma in rungs)
+
+
+def smoothed(freq_hz: Array, receptance: Complex, sigma: float, used: NDArray[np.bool_] | None = None) -> Complex:
+    """H(σ + iω) from H(iω) on a band: Poisson's integral over the lines and their mirror images below zero.
+
+    H(σ+iω) = 1/π ∫ H(iω') σ/((ω−ω')² + σ²) dω'. Above the band the receptance is taken to fall as ω⁻² (free masses),
+    below it to keep its first value. The bells are normalized, so that a constant stays what it is.
+
+    Args:
+        freq_hz: the lines, rising, (L,).
+        receptance: measured, (L, p, m).
+        sigma: σ > 0, rad/s.
+        used: which values count, (L, p, m); the others are bridged. All if not given.
+
+    Returns:
+        (L, p, m), at every line.
+    """
+    lines = 2 * np.pi * np.asarray(freq_hz)
+    if used is None or used.all():
+        return _smoothed(lines, lines, receptance.reshape(len(lines), -1), sigma).reshape(receptance.shape)
+    out = np.ones_like(receptance)
+    for pair in np.ndindex(receptance.shape[1:]):
+        kept = used[(slice(None), *pair)]
+        if np.count_nonzero(kept) >= 2:
+            values = receptance[(kept, *pair)][:, None]
+            out[(slice(None), *pair)] = _smoothed(lines, lines[kept], values, sigma)[:, 0]
+    return out
+
+
+def _smoothed(at: Array, lines: Array, values: Complex, sigma: float) -> Complex:
+    """Smoothed `values` (K, w), given at `lines` (K,), at the points `at` (L,)."""
+    middles = (lines[1:] + lines[:-1]) / 2
+    edges = np.concatenate([[0.0], middles, [lines[-1]]])
+    near = _bells(at[:, None] - lines, sigma) * np.diff(edges)
+    far = _bells(at[:, None] + lines, sigma) * np.diff(edges)
+    # The tail: with t = ω_e/ω' it has the range (0, 1], and ω'⁻² dω' is a constant times dt.
+    t, share = _nodes()
+    tail_near, tail_far = (
+        _bells(at[:, None] - side * lines[-1] / t, sigma) * share * lines[-1] for side in (1.0, -1.0)
+    )
+    total = near.sum(axis=1) + far.sum(axis=1) + (tail_near / t**2 + tail_far / t**2).sum(axis=1)
+    near[:, -1] += tail_near.sum(axis=1)
+    far[:, -1] += tail_far.sum(axis=1)
+    sums: Complex = ((near @ values) + (far @ values.conj())) / total[:, None]
+    return sums
+
+
+@cache
+def _nodes() -> tuple[Array, Array]:
+    """Nodes and weights of Gauss's rule on (0, 1)."""
+    t, share = np.polynomial.legendre.leggauss(TAIL_NODES)
+    return (t + 1) / 2, share / 2
+
+
+def _bells(distance: Array, sigma: float) -> Array:
+    bells: Array = sigma / np.pi / (distance**2 + sigma**2)
+    return bells
