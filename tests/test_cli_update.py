@@ -70,11 +70,11 @@ def test_update_without_options_takes_frame_and_posture_from_file_and_robot(armo
 
 
 @contextmanager
-def interrupting() -> Iterator[Callable[[int, float], None]]:
+def interrupting() -> Iterator[Callable[[am.Progress], None]]:
     """In place of the progress bar: Ctrl-C at the third evaluation."""
 
-    def interrupt(evaluations: int, cost: float) -> None:
-        if evaluations == 3:
+    def interrupt(now: am.Progress) -> None:
+        if now.evaluations == 3:
             raise KeyboardInterrupt
 
     yield interrupt

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 import armonic as am
 from armonic.updating import Fit, Measurement
 from armonic.updating.parameters import Parameter
-from armonic.updating.solver import Objective, minimize
-from armonic.updating.uncertainty import judge
+from armonic.updating.residuals import Descent, JointResidual
+from armonic.updating.stages import Stage, Walker
+from armonic.updating.uncertainty import FittedParameter, covariance_of, judge
 from models import robot_of, spring
 from robot_files import START
 
@@ -38,12 +39,12 @@ def kuka_data(noise: float = 0.01) -> Measurement:
 
 
 @pytest.fixture(scope="module")
-def progress() -> list[tuple[int, float]]:
+def progress() -> list[am.Progress]:
     return []
 
 
 @pytest.fixture(scope="module")
-def fit(progress: list[tuple[int, float]]) -> Fit:
+def fit(progress: list[am.Progress]) -> Fit:
     """The KUKA at two postures, the first of them measured twice."""
     elsewhere = [0.4, 0.9, -1.2]
     data = [
@@ -51,7 +52,7 @@ def fit(progress: list[tuple[int, float]]) -> Fit:
         Measurement(noisy(am.frf(KUKA, elsewhere, FREQ_HZ[::3], frame="sensor", kind="mobility"), 4, 0.01), elsewhere),
         Measurement(noisy(am.frf(KUKA, "milling", FREQ_HZ, frame="arm", outputs="x", inputs="z"), 5, 0.01), "milling"),
     ]
-    return am.update(am.load(START), data, progress=lambda count, cost: progress.append((count, cost)))
+    return am.update(am.load(START), data, progress=progress.append)
 
 
 def test_the_cost_is_equation_22_of_the_responses_after(fit: Fit) -> None:
@@ -65,13 +66,25 @@ def test_the_cost_is_equation_22_of_the_responses_after(fit: Fit) -> None:
         assert cost == pytest.approx(total, rel=1e-10)
 
 
-def test_history_evaluations_and_progress_tell_the_same_story(fit: Fit, progress: list[tuple[int, float]]) -> None:
+def test_history_evaluations_and_progress_tell_the_same_story(fit: Fit, progress: list[am.Progress]) -> None:
     assert fit.status == "converged"
-    assert fit.evaluations == len(fit.cost_history) == len(progress)
-    assert progress == [(i + 1, cost) for i, cost in enumerate(fit.cost_history)]
-    assert (fit.cost_history[0], fit.cost_history[-1]) == (fit.start_cost, fit.cost)
-    assert (np.diff(fit.cost_history) <= 0).all()
-    assert np.count_nonzero(np.diff(fit.cost_history)) > 20  # the pass under levelled weights is in it too
+    assert fit.evaluations == len(fit.cost_history) == sum(len(stage.history) for stage in fit.stages)
+    assert [now.evaluations for now in progress] == list(range(fit.evaluations))  # each before the next
+    done = [now.done for now in progress]
+    assert done == sorted(done)
+    assert 0 <= done[0] < 0.1 < 0.8 < done[-1] < 1
+    assert all(np.isfinite(now.left_s) for now in progress if now.done > 0)
+    assert all((np.diff(stage.history) <= 0).all() for stage in fit.stages)
+    assert fit.cost_history[-1] == pytest.approx(fit.cost, rel=1e-12)  # summed in another order
+    assert fit.cost < fit.start_cost
+
+
+def test_the_ladder_goes_down_to_the_axis_and_ends_with_the_cost_that_was_asked_for(fit: Fit) -> None:
+    sigmas = [stage.sigma for stage in fit.stages]
+    assert sigmas == sorted(sigmas, reverse=True)
+    assert [stage.name for stage in fit.stages][-2:] == ["levelled", "cost"]
+    assert sum(sigma > 0 for sigma in sigmas) >= 3
+    assert sigmas[-2:] == [0.0, 0.0]
 
 
 def test_the_duration_is_the_time_from_call_to_return() -> None:
@@ -138,8 +151,8 @@ def test_without_bounds_a_parameter_may_move_by_a_factor_of_a_thousand() -> None
 
 @pytest.mark.parametrize("after", [1, 2, 15, 50])
 def test_an_interrupted_fit_keeps_the_best_so_far(after: int) -> None:
-    def stop(count: int, cost: float) -> None:
-        if count == after:
+    def stop(now: am.Progress) -> None:
+        if now.evaluations == after:
             raise KeyboardInterrupt
 
     data, start = kuka_data(), am.load(START)
@@ -165,31 +178,37 @@ def test_one_evaluation_leaves_the_robot_as_it_was() -> None:
     assert fit.cost == fit.start_cost
 
 
-class Curve:
-    """Stands in for the core's problem: one parameter, whose logarithm x has residuals, and others that price it."""
+class Valleys:
+    """Zero at x = 0, and a minimum of 0.8 at x = 2.97."""
 
-    def __init__(self, residual: Callable[[float], list[float]], price: Callable[[float], list[float]]) -> None:
-        self.residual, self.price = residual, price
+    def triangle(self, x: Array) -> Array:
+        rows = np.array([[2 * x[0] - 3, x[0] * (x[0] - 3)], [0.3, 0.3 * x[0]]])
+        return np.linalg.qr(rows, mode="r")
 
-    def reduce_priced(self, stiffness: Array, damping: Array, free: list[int]) -> tuple[Array, float]:
-        x, h = float(np.log(stiffness[0, 0])), 1e-6
-        slope = (np.array(self.residual(x + h)) - self.residual(x - h)) / (2 * h)
-        triangle = np.linalg.qr(np.column_stack([slope, self.residual(x)]), mode="r")
-        return triangle, float(np.sum(np.square(self.price(x))))
+    def costs(self, X: Array) -> Array:
+        return (X * (X - 3))[:, 0] ** 2 + (0.3 * X[:, 0]) ** 2
 
 
-def test_if_the_first_pass_leads_away_from_a_better_start_the_fit_goes_on_from_there() -> None:
-    def valleys(x: float) -> list[float]:  # zero at x = 0, and a minimum of 0.8 at x = 2.97
-        return [x * (x - 3), 0.3 * x]
+class Astray:
+    """A stage that ends in the worse valley, and began near the better one."""
 
-    two_valleys: Any = Curve(valleys, valleys)
-    to_the_worse: Any = Curve(lambda x: [x - 3, 0.0], valleys)
-    objective = Objective(two_valleys, np.array([np.exp(0.05), 1.0]), [0])
-    run = minimize(objective, np.exp([0.05]), np.exp([-9.0]), np.exp([9.0]), tolerance=1e-10, levelled=to_the_worse)
+    def descend(self, start: Array, *_: object, **__: object) -> Descent:
+        price = float(Valleys().costs(start[None])[0])
+        return Descent(np.array([2.97]), 0.0, start, price, np.array([price]), "converged")
+
+
+def test_if_a_stage_leads_away_from_a_better_start_the_fit_goes_on_from_there() -> None:
+    astray: Any = Astray()
+    stages = [
+        Stage("astray", 0.0, lambda: astray, 1e-5, 100),
+        Stage("cost", 0.0, lambda: JointResidual([Valleys()]), 1e-10, 100),
+    ]
+    run = Walker(stages, np.array([-9.0]), np.array([9.0]), 100).run(np.array([0.05]))
     assert run.status == "converged"
-    assert run.history[0] == pytest.approx(0.0220, abs=1e-4)  # (0.05 · 2.95)² + 0.015²
+    assert run.stages[0].history[0] == pytest.approx(0.0220, abs=1e-4)  # (0.05 · 2.95)² + 0.015²
     assert run.cost < 1e-15
-    assert np.log(run.values) == pytest.approx(0.0, abs=1e-7)
+    assert run.x[0] == pytest.approx(0.0, abs=1e-7)
+    assert run.evaluations == sum(len(stage.history) for stage in run.stages)
 
 
 def two_arms() -> am.Robot:
@@ -262,7 +281,13 @@ def test_a_parameter_that_its_bound_holds_back_is_at_its_bound_and_one_that_lies
 
 
 def parameter(name: str) -> Parameter:
-    return Parameter(name, "N m/rad", 1.0, 1e-6, 1e6, 0)
+    return Parameter(name, (name,), "N m/rad", 1.0, 1e-6, 1e6, indices=(0,))
+
+
+def verdicts_of(names: str, values: Array, J: Array, S: Array, freedom: int) -> tuple[FittedParameter, ...]:
+    """What is said of parameters with A = JᵀJ and B = SᵀS at a minimum."""
+    parameters = [parameter(name) for name in names]
+    return judge(parameters, values, np.zeros(len(values)), covariance_of(J, S), freedom)
 
 
 @pytest.mark.parametrize("weight", [1.0, 80.0])
@@ -271,11 +296,9 @@ def test_intervals_of_independent_parameters_are_the_textbook_ones_whatever_the_
     # and 95 % is 2.228 in every table. Half-widths: 0.11, 0.89, 2.2 and 22 against ln 1.25 = 0.22, ln 3 = 1.10 and
     # ln 1e6 = 13.8.
     lengths, noise, t = np.array([2.0, 0.25, 0.1, 0.01]), 0.1, 2.228
-    triangle = np.zeros((5, 5))
-    triangle[:4, :4] = np.diag(lengths)
-    names = tuple(parameter(name) for name in "abcd")
+    J = np.diag(lengths)
     values = np.array([3.0, 4.0, 5.0, 6.0])
-    judged = judge(names, values, np.sqrt(weight) * triangle, weight * triangle, noise=noise, freedom=10)
+    judged = verdicts_of("abcd", values, np.sqrt(weight) * J, weight * noise * J, 10)
     assert [p.verdict for p in judged] == ["identified", "weak", "not identifiable", "not identifiable"]
     half = t * noise / lengths[:3]
     expected = np.stack([values[:3] * np.exp(-half), values[:3] * np.exp(half)], axis=1)
@@ -286,19 +309,17 @@ def test_intervals_of_independent_parameters_are_the_textbook_ones_whatever_the_
 def test_correlated_parameters_have_the_intervals_of_ordinary_least_squares() -> None:
     rng = np.random.default_rng(1)
     J = rng.normal(size=(40, 3)) @ np.array([[1.0, 0.9, 0.0], [0.0, 0.2, 0.0], [0.0, 0.0, 1.0]])
-    triangle = np.zeros((4, 4))
-    triangle[:3, :3] = np.linalg.qr(J, mode="r")
     noise, t = 0.05, 2.0262  # Student's t for 37 degrees of freedom
     deviation = noise * np.sqrt(np.diag(np.linalg.inv(J.T @ J)))
-    judged = judge(tuple(map(parameter, "abc")), np.ones(3), triangle, triangle, noise=noise, freedom=37)
+    judged = verdicts_of("abc", np.ones(3), J, noise * J, 37)
     np.testing.assert_allclose([np.log(p.interval[1]) for p in judged], t * deviation, rtol=5e-5)
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-16, 0.01])
 @pytest.mark.parametrize("length", [0.0, 1e-14])
 def test_what_rounding_leaves_of_a_column_of_zeros_identifies_nothing(length: float, noise: float) -> None:
-    triangle = np.diag([1.0, length, 0.0])
-    judged = judge((parameter("a"), parameter("b")), np.ones(2), triangle, triangle, noise=noise, freedom=50)
+    J = np.diag([1.0, length])
+    judged = verdicts_of("ab", np.ones(2), J, noise * J, 50)
     assert [p.verdict for p in judged] == ["identified", "not identifiable"]
     assert judged[1].interval == (0.0, np.inf)
 

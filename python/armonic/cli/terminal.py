@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from rich.console import Console, RenderableType
     from rich.table import Table
 
+    from armonic.updating import Progress as FitProgress
+
 VERDICT_STYLE = {"identified": "green", "weak": "yellow", "not identifiable": "red", "at bound": "magenta"}
 
 

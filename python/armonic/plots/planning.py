@@ -73,7 +73,7 @@ def planned_intervals(plan: Plan) -> go.Figure:
             figure.add_shape(type="line", layer="below", line={"color": "#b9c0c7", "width": 1, "dash": "dot"}, **ends)
         for trace in _traces(members, ys, low, high):
             first = trace["showlegend"] and trace["name"] not in named
-            named |= {trace["name"]}
+            named |= {trace["name"]} if first else set()
             figure.add_scatter(**axes, **(trace | {"showlegend": first, "legendgroup": trace["name"]}))
     return figure
 
@@ -113,6 +113,7 @@ def _traces(parameters: list[PlannedParameter], ys: list[int], low: float, high:
     yield _dots(parameters, ys, before, 0, "before", ring | {"symbol": _symbols(before, "circle")}, 1000)
     for verdict in VERDICTS:
         chosen = [i for i, p in enumerate(parameters) if p.verdicts[-1] == verdict]
+        chosen.sort(key=lambda i: after[i][1])  # the legend shows the first one's sign, which is no arrow if it can
         if chosen:
             places = [after[i] for i in chosen]
             marker = {

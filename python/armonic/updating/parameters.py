@@ -108,11 +108,7 @@ def choose(
     given: dict[str, Sequence[float]] = {}
     for pattern, pair in (bounds or {}).items():
         given.update(dict.fromkeys(_numbers(robot, pattern), pair))
-    chosen = [
-        _parameter(robot, path, start, given.get(path), impedances)
-        for path, start in starts.items()
-        if path not in held
-    ]
+    chosen = [_parameter(robot, path, start, given, impedances) for path, start in starts.items() if path not in held]
     if not chosen:
         raise UpdateError("hold", found="every parameter", expected="at least one that is fitted")
     chosen = _tied(robot, chosen, ties, held)
@@ -144,9 +140,7 @@ def _numbers(robot: Robot, patterns: Patterns) -> dict[str, float]:
     return {path: found[path] for path in robot.numbers() if path in found}
 
 
-def _parameter(
-    robot: Robot, path: str, start: float, given: Sequence[float] | None, impedances: tuple[str, ...]
-) -> Parameter:
+def _parameter(robot: Robot, path: str, start: float, given: Bounds, impedances: tuple[str, ...]) -> Parameter:
     indices = _indices(path, impedances)
     unit, of_file = robot.unit(path), robot.bounds(path)
     positive = bool(indices) or (start > 0 and _is_positive(path))
@@ -158,8 +152,8 @@ def _parameter(
             hint="Give it a small positive start, or leave it out of `parameters`.",
         )
     lower, upper = of_file or _default_bounds(start, unit, positive=positive, impedance=bool(indices))
-    if given is not None:
-        lower, upper = _checked(path, given, of_file, positive=positive)
+    if path in given:
+        lower, upper = _checked(path, given[path], of_file, positive=positive)
     if not lower <= start <= upper:
         raise UpdateError(
             f"bounds of {path}",

@@ -28,7 +28,7 @@ Status = Literal["converged", "limit", "interrupted"]
 
 FORMAT = 1
 """Version of the layout of a state."""
-CHUNK = 100
+CHUNK = 500
 """Simplex iterations between two boundaries."""
 FIRST_STEP = 0.05
 """Edge of the first simplex as a share of each value (MATLAB's `fminsearch` and SciPy have the same)."""
@@ -62,8 +62,8 @@ class Outcome:
     Attributes:
         values: best parameter values, (c,), SI.
         cost: their cost.
-        history: evaluations so far and best cost, (E, 2): one row for the first individual, which is the start, then
-            one per generation and simplex iteration, and one for what an unfinished iteration evaluated.
+        history: evaluations so far and best cost, (E, 2): one row for the first individual, which is the start, one per
+            generation, one per simplex iteration that found something better, and one for the end.
         evaluations: how many parameter sets were evaluated.
         stages: the stages that came to their end.
         status: "converged" (a cost within the tolerance, or a simplex that closed in on a minimum in the last round),
@@ -179,7 +179,7 @@ class _Run:
             status, message = "interrupted", "stopped by the user"
         assert self.best is not None
         rows = self.history
-        if rows[-1] != (self.evaluations, self.cost):  # an iteration was under way
+        if rows[-1] != (self.evaluations, self.cost):
             rows = [*rows, (self.evaluations, self.cost)]
         history = np.array(rows, np.float64)
         return Outcome(self.best, self.cost, history, self.evaluations, tuple(self.stages), status, message)
@@ -233,13 +233,14 @@ class _Run:
             if self.best is None or found[lowest] < self.cost:
                 self.best, self.cost = values[lowest].copy(), float(found[lowest])
         if room and len(values) > 1:
-            self._noted()
+            self._noted(always=True)
         if room < len(values):
             raise _UsedUpError
         return found
 
-    def _noted(self) -> None:
-        self.history.append((self.evaluations, self.cost))
+    def _noted(self, *, always: bool = False) -> None:
+        if always or self.cost < self.history[-1][1]:
+            self.history.append((self.evaluations, self.cost))
         if self.watch is not None:
             self.watch(self.evaluations, self.cost)
 

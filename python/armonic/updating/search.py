@@ -116,6 +116,12 @@ class Search:
         options = {"limit": self.limit, "threads": self.threads, "watcher": watcher, "checkpoint": self.checkpoint}
         runs = run_starts(task, stages, points, **options)  # type: ignore[arg-type]
         best = self._count(runs)
+        direct = [stage for stage in stages if stage.sigma == 0]
+        if self.starts == 1 and len(direct) < len(stages) and best.status == "converged" and not self._explains(best.x):
+            # A good start deserves to be tried without a ladder that garbage in the data may have bent.
+            straight = Walker(direct, *task.box, self.limit, watcher.of(0)).run(task.start)
+            straight = self._count([straight])
+            best = straight if straight.cost < best.cost or self._explains(straight.x) else best
         retries = RETRIES if self.method == "continuation" and self.starts == 1 else 0
         for k in range(1, retries + 1):
             if best.status != "converged" or self._explains(best.x):

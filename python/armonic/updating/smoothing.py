@@ -48,29 +48,31 @@ def ladder(freq_hz: Array) -> tuple[float, ...]:
     return tuple(float(sigma) for sigma in rungs)
 
 
-def smoothed(freq_hz: Array, receptance: Complex, sigma: float, used: NDArray[np.bool_] | None = None) -> Complex:
+def smoothed(freq_hz: Array, mobility: Complex, sigma: float, used: NDArray[np.bool_] | None = None) -> Complex:
     """H(σ + iω) from H(iω) on a band: Poisson's integral over the lines and their mirror images below zero.
 
-    H(σ+iω) = 1/π ∫ H(iω') σ/((ω−ω')² + σ²) dω'. Above the band the receptance is taken to fall as ω⁻² (free masses),
-    below it to keep its first value. The bells are normalized, so that a constant stays what it is.
+    H(σ+iω) = 1/π ∫ H(iω') σ/((ω−ω')² + σ²) dω'. It is the mobility that is smoothed: a noise floor of the accelerance
+    would swell at low frequencies in the receptance, and the accelerance does not fall off above the band. There the
+    mobility is taken to fall as 1/ω (free masses), below the band to keep its first value. The bells are normalized, so
+    that a constant stays what it is.
 
     Args:
         freq_hz: the lines, rising, (L,).
-        receptance: measured, (L, p, m).
+        mobility: measured, (L, p, m).
         sigma: σ > 0, rad/s.
         used: which values count, (L, p, m); the others are bridged. All if not given.
 
     Returns:
-        (L, p, m), at every line.
+        The mobility at σ + iω, (L, p, m), at every line.
     """
     lines = 2 * np.pi * np.asarray(freq_hz)
     if used is None or used.all():
-        return _smoothed(lines, lines, receptance.reshape(len(lines), -1), sigma).reshape(receptance.shape)
-    out = np.ones_like(receptance)
-    for pair in np.ndindex(receptance.shape[1:]):
+        return _smoothed(lines, lines, mobility.reshape(len(lines), -1), sigma).reshape(mobility.shape)
+    out = np.ones_like(mobility)
+    for pair in np.ndindex(mobility.shape[1:]):
         kept = used[(slice(None), *pair)]
         if np.count_nonzero(kept) >= 2:
-            values = receptance[(kept, *pair)][:, None]
+            values = mobility[(kept, *pair)][:, None]
             out[(slice(None), *pair)] = _smoothed(lines, lines[kept], values, sigma)[:, 0]
     return out
 
@@ -81,12 +83,11 @@ def _smoothed(at: Array, lines: Array, values: Complex, sigma: float) -> Complex
     edges = np.concatenate([[0.0], middles, [lines[-1]]])
     near = _bells(at[:, None] - lines, sigma) * np.diff(edges)
     far = _bells(at[:, None] + lines, sigma) * np.diff(edges)
-    # The tail: with t = ω_e/ω' it has the range (0, 1], and ω'⁻² dω' is a constant times dt.
+    # The tail: with t = ω_e/ω' it has the range (0, 1], and dω' = −ω_e dt/t², of which the fall takes one t.
     t, share = _nodes()
-    tail_near, tail_far = (
-        _bells(at[:, None] - side * lines[-1] / t, sigma) * share * lines[-1] for side in (1.0, -1.0)
-    )
-    total = near.sum(axis=1) + far.sum(axis=1) + (tail_near / t**2 + tail_far / t**2).sum(axis=1)
+    share = share * lines[-1] / t
+    tail_near, tail_far = (_bells(at[:, None] - side * lines[-1] / t, sigma) * share for side in (1.0, -1.0))
+    total = near.sum(axis=1) + far.sum(axis=1) + ((tail_near + tail_far) / t).sum(axis=1)
     near[:, -1] += tail_near.sum(axis=1)
     far[:, -1] += tail_far.sum(axis=1)
     sums: Complex = ((near @ values) + (far @ values.conj())) / total[:, None]

@@ -244,7 +244,9 @@ class Walker:
                     }
                 )
         if not np.isfinite(cost):  # it never came to the last stage
-            x, cost = (best[1], best[0]) if np.isfinite(best[0]) else (x, self._last_cost(x))
+            # Off the axis the way may lead through points that are worse on it than where it began.
+            options = [best] if np.isfinite(best[0]) else [(self._last_cost(p), p) for p in (x, np.array(start, float))]
+            cost, x = min(options, key=lambda option: option[0])
         return Run(x, float(cost), tuple(ends), status, np.array(start, float))
 
     def _last_cost(self, x: Array) -> float:

@@ -135,10 +135,13 @@ class Task:
         power = {"receptance": 0, "mobility": 1, "accelerance": 2}[m.frf.kind]
         points = 2j * np.pi * m.frf.freq_hz
         kept = (points != 0) | (power == 0)
-        values = m.frf.values[kept] / (points[kept] ** power)[:, None, None]
-        if sigma:
-            values = smoothed(m.frf.freq_hz[kept], values, sigma, weight[kept] > 0)
-        return points[kept] + sigma, values, kept
+        points, values = points[kept], m.frf.values[kept]
+        if sigma == 0:
+            return points, values / (points**power)[:, None, None], kept
+        mobility = points[:, None, None] ** (1 - power) * values
+        mobility = smoothed(m.frf.freq_hz[kept], mobility, sigma, weight[kept] > 0)
+        points = points + sigma
+        return points, mobility / points[:, None, None], kept
 
     def _problem(
         self,

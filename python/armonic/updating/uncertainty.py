@@ -95,7 +95,9 @@ def judge(
 
 def _judged(p: Parameter, value: float, gradient: float, spread: float, half: float) -> FittedParameter:
     at, low, high = (p.coordinate(v) for v in (value, p.lower, p.upper))
-    bound = (at - low < 1e-3 and gradient >= 0) or (high - at < 1e-3 and gradient <= 0)
+    inside = min(at - low, high - at)
+    pushed = (at - low < 1e-3 and gradient >= 0) or (high - at < 1e-3 and gradient <= 0)
+    bound = pushed or inside < 1e-9  # a minimum that lies on the bound leaves a gradient of rounding
     if p.scale == "log":
         interval = (value * np.exp(-half), value * np.exp(half)) if half < OPEN else (0.0, np.inf)
         identified, weak = half <= np.log(IDENTIFIED_FACTOR), half <= np.log(WEAK_FACTOR)
