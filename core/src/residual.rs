@@ -19,8 +19,9 @@ use rayon::prelude::*;
 const LINES_PER_TASK: usize = 64;
 /// Tasks that are not worth a second thread.
 const TASKS_PER_THREAD: usize = 4;
-/// Rows that are gathered before they are folded in; a block of this height and some twenty columns stays in cache.
-const ROWS_PER_BLOCK: usize = 128;
+/// Rows that are gathered before they are folded in: enough to hide what each reflection costs beside its arithmetic,
+/// few enough that some twenty columns stay in cache.
+const ROWS_PER_BLOCK: usize = 256;
 /// Most evaluation points that are handled at a time; arrays are padded to it.
 const MAX_LANES: usize = 8 * REGISTERS;
 

@@ -6,6 +6,9 @@
 use crate::lanes::{REGISTERS, Real};
 use pulp::{Arch, Simd, WithSimd, bytemuck};
 
+/// Columns that one reflection is applied to at a time.
+const TOGETHER: usize = 3;
+
 /// Upper triangle R, (c+1)×(c+1) by rows: the last column belongs to the residual, the others to the free parameters.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Triangle {
@@ -75,16 +78,57 @@ impl<S: Simd> Block<S> {
                 *value = simd.mul_f64s(*value, scale);
             }
             triangle.values[j * width + j] = length;
-            for (k, other) in (j + 1..width).zip(tail.chunks_exact_mut(self.height)) {
-                let other = &mut other[..filled];
-                let entry = &mut triangle.values[j * width + k];
-                let step = factor * (*entry + dot(simd, column, other));
-                *entry -= step;
-                let step = simd.splat_f64s(step);
-                for (value, &u) in other.iter_mut().zip(column.iter()) {
-                    *value = simd.negate_mul_add_e_f64s(step, u, *value);
-                }
+            let row = &mut triangle.values[j * width + j + 1..(j + 1) * width];
+            let mut groups = tail.chunks_exact_mut(TOGETHER * self.height);
+            let mut entries = row.chunks_exact_mut(TOGETHER);
+            for (columns, entries) in groups.by_ref().zip(entries.by_ref()) {
+                reflect::<S, TOGETHER>(simd, column, columns, self.height, entries, factor);
             }
+            let rest = groups.into_remainder().chunks_exact_mut(self.height);
+            for (columns, entry) in rest.zip(entries.into_remainder()) {
+                reflect::<S, 1>(simd, column, columns, self.height, std::slice::from_mut(entry), factor);
+            }
+        }
+    }
+}
+
+/// Applies the reflection along (1, `u`) to N columns at a time, whose tops are `entries`: so the sums of one hide the
+/// latency of the others.
+#[inline(always)]
+fn reflect<S: Simd, const N: usize>(
+    simd: S,
+    u: &[S::f64s],
+    columns: &mut [S::f64s],
+    height: usize,
+    entries: &mut [f64],
+    factor: f64,
+) {
+    let zero = simd.splat_f64s(0.0);
+    let mut sums = [[zero; 2]; N];
+    let mut pairs = u.chunks_exact(2);
+    for (i, pair) in pairs.by_ref().enumerate() {
+        for n in 0..N {
+            let at = n * height + 2 * i;
+            sums[n][0] = simd.mul_add_e_f64s(pair[0], columns[at], sums[n][0]);
+            sums[n][1] = simd.mul_add_e_f64s(pair[1], columns[at + 1], sums[n][1]);
+        }
+    }
+    for &last in pairs.remainder() {
+        for n in 0..N {
+            sums[n][0] = simd.mul_add_e_f64s(last, columns[n * height + u.len() - 1], sums[n][0]);
+        }
+    }
+    let mut steps = [zero; N];
+    for n in 0..N {
+        let dot = simd.reduce_sum_f64s(simd.add_f64s(sums[n][0], sums[n][1]));
+        let step = factor * (entries[n] + dot);
+        entries[n] -= step;
+        steps[n] = simd.splat_f64s(step);
+    }
+    for (i, &u) in u.iter().enumerate() {
+        for n in 0..N {
+            let value = &mut columns[n * height + i];
+            *value = simd.negate_mul_add_e_f64s(steps[n], u, *value);
         }
     }
 }
