@@ -1,20 +1,22 @@
-"""The solver's part of `am.update` on the KUKA, with nothing before and after: what the benches of fitting share."""
+"""The solver's part of `am.update`, with nothing before and after: what the benches of fitting share."""
 
 from __future__ import annotations
 
 from importlib.resources import files
+from typing import Literal
 
 import numpy as np
 
 import armonic as am
-from armonic import _core
-from armonic.synthesis import system
-from armonic.updating.measurement import levelled
 from armonic.updating.parameters import choose
-from armonic.updating.solver import Objective, Run, minimize
+from armonic.updating.residuals import Descending
+from armonic.updating.stages import Run, Walker, stages_of
+from armonic.updating.task import Task
 
 TOLERANCE = 1e-10
 LIMIT = 1000
+
+Way = Literal["continuation", "levelled", "least squares"]
 
 
 def kuka_start() -> am.Robot:
@@ -23,28 +25,22 @@ def kuka_start() -> am.Robot:
 
 
 class Solver:
-    """All elasticity of a robot fitted to one measurement."""
+    """All elasticity of a robot fitted to measurements, from any start; every problem is made once."""
 
-    def __init__(self, robot: am.Robot, data: am.Measurement) -> None:
-        model = am.linearize(robot, data.posture)
-        chosen = choose(robot, model.impedances, "elasticity", None)
-        self.start, self.lower, self.upper = (
-            np.array([getattr(p, name) for p in chosen]) for name in ("start", "lower", "upper")
-        )
-        self.theta, self.free = np.concatenate([model.spring, model.damper]), [p.index for p in chosen]
-        s, weights = 2j * np.pi * data.frf.freq_hz, data.line_weights()
-        power = {"receptance": 0, "mobility": 1, "accelerance": 2}[data.frf.kind]
-        receptance = data.frf.values / s[:, None, None] ** power
-        core = system(model, data.frame, data.frf.outputs, data.frf.inputs)
-        self.problem, self.levelled = (_core.Problem([(core, s, receptance, w)]) for w in (weights, levelled(weights)))
+    def __init__(self, robot: am.Robot, *data: am.Measurement) -> None:
+        models = tuple(am.linearize(robot, m.posture) for m in data)
+        self.task = Task(robot, data, models, (), choose(robot, models[0].impedances, "elasticity"))
+        weights = [m.line_weights() for m in data]
+        options = {"tolerance": TOLERANCE, "anchored": 1.0}
+        stages = stages_of(self.task, weights, continuation=True, **options)
+        self.stages = {
+            "continuation": stages,
+            "levelled": [stage for stage in stages if stage.sigma == 0],
+            "least squares": stages_of(self.task, weights, continuation=False, **options),
+        }
+        self._made: dict[str, dict[int, Descending]] = {way: {} for way in self.stages}
 
-    def run(self, start: np.ndarray | None = None, *, first_pass: bool = True) -> Run:
-        """One fit, with or without the pass under levelled weights."""
-        return minimize(
-            Objective(self.problem, self.theta, self.free, limit=LIMIT),
-            self.start if start is None else start,
-            self.lower,
-            self.upper,
-            tolerance=TOLERANCE,
-            levelled=self.levelled if first_pass else None,
-        )
+    def run(self, start: np.ndarray | None = None, *, way: Way = "continuation") -> Run:
+        """One run: down the ladder, from the levelled stage on, or under the cost alone; no second try."""
+        walker = Walker(self.stages[way], *self.task.box, LIMIT, _residuals=self._made[way])
+        return walker.run(self.task.start if start is None else start)

@@ -1,4 +1,4 @@
-"""Make the pictures of the README: `python docs/pictures.py` fits the KUKA, maps Scompi and photographs the results.
+"""Make the pictures of README and docs: `python docs/pictures.py [name ...]` fits, maps and photographs the results.
 
 It needs Chromium or Google Chrome on the path, and nothing from the network.
 """
@@ -6,6 +6,7 @@ It needs Chromium or Google Chrome on the path, and nothing from the network.
 from __future__ import annotations
 
 import os
+import runpy
 import shutil
 import subprocess
 import sys
@@ -35,25 +36,35 @@ QUIET = (
 
 def main() -> None:
     FOLDER.mkdir(exist_ok=True)
-    for name, figures in (("kuka_fit.png", kuka_fit()), ("scompi_map.png", scompi_map())):
-        photograph(figures, FOLDER / name)
-        print(f"wrote {FOLDER / name}")
+    wanted = sys.argv[1:]
+    for make in (kuka_fit, scompi_map, kuka_cases):
+        if wanted and make.__name__ not in wanted:
+            continue
+        for name, figures in make().items():
+            photograph(figures, FOLDER / f"{name}.png")
+            print(f"wrote {FOLDER / name}.png")
 
 
-def kuka_fit() -> list[go.Figure]:
+def kuka_fit() -> dict[str, list[go.Figure]]:
     """Measured, start and fitted responses, and how well each parameter is determined."""
     folder = Path(examples.__file__).parent
     robot = am.load(folder / examples.START)
     measured = am.read_frf(folder / examples.MEASURED)
     fit = am.update(robot, am.Measurement(measured, posture="milling", frame="sensor"))
     frfs = {"measured": measured, "before": fit.frf_before[0], "after": fit.frf_after[0]}
-    return [plots.frf_matrix(frfs, cell_height=196), plots.parameter_intervals(fit)]
+    return {"kuka_fit": [plots.frf_matrix(frfs, cell_height=196), plots.parameter_intervals(fit)]}
 
 
-def scompi_map() -> list[go.Figure]:
+def scompi_map() -> dict[str, list[go.Figure]]:
     """Natural frequencies over the path of the paper, without and with a tool (Do et al. 2022, Fig. 3)."""
     cases = am.survey(am.load("scompi"), "table", sweep={"tool.mass": [0, 4]})
-    return [plots.frequency_map(cases)]
+    return {"scompi_map": [plots.frequency_map(cases)]}
+
+
+def kuka_cases() -> dict[str, list[go.Figure]]:
+    """The three cases of Huynh et al. 2021, section 5."""
+    program = runpy.run_path(str(Path(__file__).parents[1] / "examples" / "kuka_cases.py"))
+    return program["figures"](program["study"]())
 
 
 def photograph(figures: list[go.Figure], target: Path) -> None:

@@ -57,8 +57,8 @@ def test_the_three_axis_robot_is_recovered_from_twenty_random_starts() -> None:
     ]
     assert [len(fit.parameters) for fit in fits] == [6] * 20
     assert max(worst(fit, THREE_R) for fit in fits) < RECOVERED
-    # The paper needed 1400; these take 17 at most, and a few more would do no harm.
-    assert max(fit.evaluations for fit in fits) <= 25
+    # The paper needed 1400; these take some 27, ladder and all.
+    assert max(fit.evaluations for fit in fits) <= 40
 
 
 @pytest.mark.parametrize("lines_per_hz", [5, 2])

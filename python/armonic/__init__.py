@@ -54,9 +54,13 @@ if TYPE_CHECKING:
         peak_weights,
         update,
     )
+    from armonic.updating.candidates import Candidate, candidates
+    from armonic.updating.expected import PlannedParameter
+    from armonic.updating.planning import Plan, Ranked, plan_measurement
 
 __all__ = [
     "ArmonicError",
+    "Candidate",
     "DataFileError",
     "Finding",
     "Fit",
@@ -73,9 +77,12 @@ __all__ = [
     "ModelError",
     "Modes",
     "Parameter",
+    "Plan",
+    "PlannedParameter",
     "PostureError",
     "Prior",
     "Progress",
+    "Ranked",
     "Record",
     "Robot",
     "RobotFileError",
@@ -83,6 +90,7 @@ __all__ = [
     "StateSpace",
     "SurveyError",
     "UpdateError",
+    "candidates",
     "check",
     "frf",
     "gain_margins",
@@ -92,6 +100,7 @@ __all__ = [
     "modes",
     "path",
     "peak_weights",
+    "plan_measurement",
     "read_csv",
     "read_frf",
     "read_uff",
@@ -130,6 +139,9 @@ _HOME = {
         "Fit", "FittedParameter", "Genetic", "Law", "Measurement", "ModalMeasurement", "Parameter", "Prior", "Progress",
         "Record", "peak_weights", "update",
     ),
+    "updating.candidates": ("Candidate", "candidates"),
+    "updating.expected": ("PlannedParameter",),
+    "updating.planning": ("Plan", "Ranked", "plan_measurement"),
 }  # fmt: skip
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 

@@ -247,10 +247,10 @@ def _postures(robot: Robot, where: Where) -> Any:
     for text in where.candidates:
         if text in robot.paths:
             found_all += list(robot.paths[text])
-        elif all(part.strip() in robot.postures for part in text.split(",")):
-            found_all += [part.strip() for part in text.split(",")]
-        else:
-            found_all.append(arguments.posture(robot, text)[0])
+            continue
+        parts = [part.strip() for part in text.split(",")]
+        named = not any(part.startswith(tuple("+-.0123456789")) for part in parts)
+        found_all += [arguments.posture(robot, part)[0] for part in (parts if named else [text])]
     return found_all
 
 

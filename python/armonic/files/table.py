@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from armonic.errors import DataFileError, FrfError
-from armonic.files.cells import Cell, matrix, read_bytes, remapping
-from armonic.files.uff_reader import NUMBER, shown
+from armonic.files.cells import Cell, matrix, remapping
+from armonic.files.sheet import read_sheet
+from armonic.files.uff_reader import shown
 from armonic.response import KINDS, Frf, Kind
 from armonic.writing import write_whole
 
@@ -50,29 +51,22 @@ def read_csv(
         DataFileError: the file is not such a table, or does not hold one whole FRF matrix.
         FrfError: `axes` does not make sense.
     """
-    text = _text(path)
-    if comment := next(filter(None, map(_COMMENT.match, text.split("\n"))), None):
+    sheet = read_sheet(path, _HEADER)
+    if comment := next(filter(None, map(_COMMENT.match, sheet.comments)), None):
         kind, frame = kind or _as_kind(path, comment["kind"]), frame or comment["frame"]
     if kind is None:
         expected = "a first line such as # armonic frf kind=accelerance"
         hint = f"Add it, or pass kind= as one of {', '.join(KINDS)}."
         raise DataFileError(str(path), found="no word on what was measured", expected=expected, hint=hint)
-    lines = [
-        (f"{path}, line {number}", line.split(","))
-        for number, line in enumerate(text.split("\n"), 1)
-        if line.strip() and not line.startswith("#")
-    ]
-    if not lines:
-        raise DataFileError(str(path), found="no table", expected=_HEADER)
-    columns = _columns(*lines[0])
-    if len(lines) == 1:
+    columns = _columns(sheet.place, sheet.header)
+    if not sheet.rows:
         raise DataFileError(str(path), found="a header and no frequency line", expected="at least one line")
-    table = np.array([_row(place, words, lines[0][1]) for place, words in lines[1:]])
+    table = sheet.numbers()
     remap = remapping(axes)
     cells = []
     for (source, target), parts in columns.items():
         (output, sign), (force, force_sign) = (remap.get(axis, (axis, 1)) for axis in (source, target))
-        values = (table[:, parts["re"]] + 1j * table[:, parts["im"]]) * (sign * force_sign)
+        values = np.asarray(table[:, parts["re"]] + 1j * table[:, parts["im"]], np.complex128) * (sign * force_sign)
         cells.append(Cell(f"{path}, column {source}/{target}", output, force, table[:, 0], values))
     return replace(matrix(path, cells, kind, frame, outputs, inputs), input_frame=comment and comment["input_frame"])
 
@@ -108,25 +102,6 @@ def write_csv(path: str | Path, frf: Frf) -> None:
     write_whole(path, f"{comment}\n{','.join(header)}\n{table}".encode())
 
 
-def _text(path: str | Path) -> str:
-    try:
-        text = read_bytes(path).decode("utf-8-sig").replace("\r\n", "\n")
-    except UnicodeDecodeError as error:
-        found = f"bytes that are not text, at {error.start}"
-        raise DataFileError(str(path), found=found, expected="comma-separated text in UTF-8") from error
-    if not text.strip():
-        raise DataFileError(str(path), found="an empty file", expected=_HEADER)
-    if not text.endswith("\n"):
-        line = text.count("\n") + 1
-        raise DataFileError(
-            f"{path}, line {line}",
-            found="the end of the file within the line",
-            expected="a line end",
-            hint="The file looks truncated; if it is whole, end its last line.",
-        )
-    return text
-
-
 def _as_kind(path: str | Path, word: str | None) -> Kind | None:
     for kind in KINDS:
         if word == kind:
@@ -153,12 +128,3 @@ def _columns(place: str, words: list[str]) -> dict[tuple[str, str], dict[str, in
         if len(parts) == 1:
             raise DataFileError(place, found=f"{output}/{force} {next(iter(parts))} alone", expected="both re and im")
     return columns
-
-
-def _row(place: str, words: list[str], header: list[str]) -> list[float]:
-    if len(words) != len(header):
-        raise DataFileError(place, found=f"{len(words)} values", expected=f"{len(header)}, one per column")
-    for word, column in zip(words, header, strict=True):
-        if not NUMBER.fullmatch(word.strip()) or not np.isfinite(float(word)):
-            raise DataFileError(place, found=f"{shown(word)} for {column.strip()}", expected="a finite number")
-    return [float(word) for word in words]

@@ -1,4 +1,4 @@
-"""Universal files in: every frequency response of data set 58, in text or binary, with its units.
+"""Universal files in: every frequency response, or coherence, of data set 58, in text or binary, with its units.
 
 The format is that of the UC-SDRL storehouse of universal files, data sets 58, 58b, 151 and 164. The reader is
 our own because a measurement must never be read in part: every count, field and number is checked, and what
@@ -22,9 +22,9 @@ NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 
 FUNCTION_TYPES = {1: "time response", 2: "auto spectrum", 3: "cross spectrum", 4: "FRF", 6: "coherence"}
 FRF = 4
+COHERENCE = 6
 FREQUENCY = 18
 HEADER_LINES = 11
-_COLUMNS = {False: ("x", "re", "im"), True: ("re", "im")}  # by even spacing
 _TRUNCATED = "The file looks truncated: export or copy it again."
 
 _OPEN = re.compile(rb"    -1[ \r]*(?:\n|\Z)")
@@ -49,7 +49,7 @@ _SI = Units()
 
 @dataclass(frozen=True, eq=False)
 class Function:
-    """One frequency response of a file, in the units of the file.
+    """One frequency response of a file, in the units of the file; of a coherence the values are real.
 
     `response` and `reference` are (node, direction); a direction is ±1, ±2, ±3 for ±x, ±y, ±z and ±4 to ±6
     for rotations. The types are specific data types: 8 displacement, 11 velocity, 12 acceleration, 13 force.
@@ -69,12 +69,13 @@ class Function:
     line: int = 0
 
 
-def parse(data: bytes, name: str) -> tuple[list[Function], list[str]]:
+def parse(data: bytes, name: str, wanted: int = FRF) -> tuple[list[Function], list[str]]:
     """Every frequency response in a universal file, and what else was there.
 
     Args:
         data: the whole file.
         name: its name, for errors.
+        wanted: function type to read, FRF or COHERENCE.
 
     Returns:
         the functions in file order, and one phrase for each sort of data set passed over.
@@ -92,7 +93,7 @@ def parse(data: bytes, name: str) -> tuple[list[Function], list[str]]:
         while reader.enter():
             number, binary = reader.identify()
             if number == 58:
-                kind, function = _read_58(reader, units, binary)
+                kind, function = _read_58(reader, units, binary, wanted)
                 if function is None:
                     ignored[f"58 of function type {kind} ({FUNCTION_TYPES.get(kind, 'other')})"] += 1
                 else:
@@ -201,7 +202,7 @@ def _read_164(reader: _Reader, body: bytes) -> Units:
     return Units(factors[0], factors[1], reader.integer(lines[0][:10], "units code", reader.start))
 
 
-def _read_58(reader: _Reader, units: Units, binary: str | None) -> tuple[int, Function | None]:
+def _read_58(reader: _Reader, units: Units, binary: str | None, wanted: int) -> tuple[int, Function | None]:
     records, places = [], []
     for count in range(HEADER_LINES):
         if reader.offset >= len(reader.data) or _CLOSE.match(reader.data, reader.offset):
@@ -211,7 +212,7 @@ def _read_58(reader: _Reader, units: Units, binary: str | None) -> tuple[int, Fu
     dof, form, abscissa, ordinate, denominator = records[5:10]
 
     kind = reader.integer(dof[0:5], "function type", places[5])
-    if kind != FRF:
+    if kind != wanted:
         reader.to_close(binary=binary is not None)
         return kind, None
 
@@ -226,9 +227,11 @@ def _read_58(reader: _Reader, units: Units, binary: str | None) -> tuple[int, Fu
         reader.integer(record[:10], "specific data type", at)
         for record, at in zip((abscissa, ordinate, denominator), places[7:10], strict=True)
     ]
-    if storage not in (5, 6):
-        found = f"ordinate data type {storage}{' (real)' if storage in (2, 4) else ''}"
-        raise reader.error(found, "5 or 6 (complex) for an FRF", at=places[6])
+    real = storage in (2, 4)
+    if storage not in (5, 6) and not (real and wanted == COHERENCE):
+        found = f"ordinate data type {storage}{' (real)' if real else ''}"
+        expected = "5 or 6 (complex) for an FRF" if wanted == FRF else "2 or 4 (real) for a coherence"
+        raise reader.error(found, expected, at=places[6])
     if count < 1:
         raise reader.error(f"{count} values", "at least one frequency line", at=places[6])
     if spacing not in (0, 1):
@@ -237,16 +240,18 @@ def _read_58(reader: _Reader, units: Units, binary: str | None) -> tuple[int, Fu
         found = f"an abscissa of data type {types[0]} in {abscissa[46:67].strip() or 'no unit'}"
         raise reader.error(found, "18 (frequency) in Hz", at=places[7])
 
+    columns = (*(() if spacing == 1 else ("x",)), "re", *(() if real else ("im",)))
     if binary is None:
-        table = _text_table(reader, count, even=spacing == 1)
+        table = _text_table(reader, count, columns)
     else:
-        table = _binary_table(reader, binary, count, double=storage == 6, even=spacing == 1)
+        table = _binary_table(reader, binary, count, columns, double=storage in (4, 6))
     freq_hz = np.float64(start) + step * np.arange(count) if spacing == 1 else table[:, 0]
     if not (np.isfinite(table).all() and np.isfinite(freq_hz).all()):
         raise reader.error("NaN or infinity among the values", "finite numbers", at=reader.start)
+    imaginary = np.zeros(count) if real else table[:, -1]
     return kind, Function(
         freq_hz=freq_hz,
-        values=table[:, -2] + 1j * table[:, -1],
+        values=table[:, columns.index("re")] + 1j * imaginary,
         response=(nodes[0], directions[0]),
         reference=(nodes[1], directions[1]),
         response_type=types[1],
@@ -260,28 +265,30 @@ def _read_58(reader: _Reader, units: Units, binary: str | None) -> tuple[int, Fu
     )
 
 
-def _text_table(reader: _Reader, count: int, *, even: bool) -> NDArray[np.float64]:
+def _text_table(reader: _Reader, count: int, columns: tuple[str, ...]) -> NDArray[np.float64]:
     at = reader.offset
     text = _text(reader.to_close()).replace("D", "E").replace("d", "e")
     words = _SIGN_IN_WORD.sub(" ", text).split()  # full columns may leave no blank before a sign
     for word in words:
         if not NUMBER.fullmatch(word):
             raise reader.error(shown(word), "a number", at=at + max(text.find(word), 0))
-    width = len(_COLUMNS[even])
+    width = len(columns)
     needed = count * width
     # Some exporters fill the last line with zeros, of which a line holds six at most.
     padded = needed < len(words) < needed + 6 and not any(float(word) for word in words[needed:])
     if len(words) != needed and not padded:
         raise reader.error(
             f"{len(words)} numbers",
-            f"{needed}, for {count} lines of {', '.join(_COLUMNS[even])}",
+            f"{needed}, for {count} lines of {', '.join(columns)}",
             _TRUNCATED if len(words) < needed else None,
             at=at,
         )
     return np.array([float(word) for word in words[:needed]]).reshape(count, width)
 
 
-def _binary_table(reader: _Reader, rest: str, count: int, *, double: bool, even: bool) -> NDArray[np.float64]:
+def _binary_table(
+    reader: _Reader, rest: str, count: int, columns: tuple[str, ...], *, double: bool
+) -> NDArray[np.float64]:
     order, floats, lines = (
         reader.integer(rest[a:b], "a field of 58b", reader.start) for a, b in ((0, 6), (6, 12), (12, 24))
     )
@@ -292,20 +299,20 @@ def _binary_table(reader: _Reader, rest: str, count: int, *, double: bool, even:
             at=reader.start,
         )
     number = f"{'<' if order == 1 else '>'}f{8 if double else 4}"
-    layouts = [np.dtype([(column, number) for column in _COLUMNS[even]])]
-    if double and not even:  # the format says that abscissas stay single; most programs write them double
-        layouts.append(np.dtype([("x", number[:2] + "4"), ("re", number), ("im", number)]))
+    layouts = [np.dtype([(column, number) for column in columns])]
+    if double and columns[0] == "x":  # the format says that abscissas stay single; most programs write them double
+        layouts.append(np.dtype([("x", number[:2] + "4"), *((column, number) for column in columns[1:])]))
     at = reader.offset
     for layout in layouts:
         close = _CLOSE_BINARY.match(reader.data, at + count * layout.itemsize)
         if close is not None and at + count * layout.itemsize <= len(reader.data):
             rows = np.frombuffer(reader.data, dtype=layout, count=count, offset=at)
             reader.offset = close.end()
-            return np.column_stack([rows[column].astype(np.float64) for column in _COLUMNS[even]])
+            return np.column_stack([rows[column].astype(np.float64) for column in columns])
     found = len(reader.to_close(binary=True))
     raise reader.error(
         f"{found} bytes of values",
-        f"{count * layouts[0].itemsize}, for {count} lines of {', '.join(_COLUMNS[even])}",
+        f"{count * layouts[0].itemsize}, for {count} lines of {', '.join(columns)}",
         _TRUNCATED,
         at=at,
     )

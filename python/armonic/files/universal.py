@@ -74,13 +74,13 @@ def read_uff(
             found=f"only data sets {', '.join(ignored)}" if ignored else "no data set",
             expected="frequency responses: data sets 58 of function type 4",
         )
-    functions = _at_node(path, functions, "response", response_node)
-    functions = _at_node(path, functions, "reference", reference_node)
+    functions = at_node(path, functions, "response", response_node)
+    functions = at_node(path, functions, "reference", reference_node)
     cells = []
     for function in functions:
         place = f"{path}, line {function.line}"
-        output, sign = _axis(place, "response", function.response[1])
-        force, force_sign = _axis(place, "reference", function.reference[1])
+        output, sign = axis_of(place, "response", function.response[1])
+        force, force_sign = axis_of(place, "reference", function.reference[1])
         factor = (_si_factor(place, function, output, force) if scale is None else scale) * sign * force_sign
         (output, sign), (force, force_sign) = remap[output], remap[force]
         with np.errstate(all="ignore"):  # an overflow is caught by the check for finite values
@@ -153,7 +153,7 @@ def _frame_note(frf: Frf) -> str:
     return note if whole else ""
 
 
-def _at_node(
+def at_node(
     path: str | Path, functions: list[Function], end: Literal["response", "reference"], wanted: int | None
 ) -> list[Function]:
     """The functions with response or reference at the wanted node, by default the only one."""
@@ -185,7 +185,12 @@ def _kind(path: str | Path, functions: list[Function]) -> Kind:
     return next(iter(found))
 
 
-def _axis(place: str, end: str, direction: int) -> tuple[str, float]:
+def axis_of(place: str, end: str, direction: int) -> tuple[str, float]:
+    """Axis and sign of a direction code.
+
+    Raises:
+        DataFileError: it is none.
+    """
     if not 1 <= abs(direction) <= len(AXES):
         scalar = " (scalar)" if direction == 0 else ""
         raise DataFileError(

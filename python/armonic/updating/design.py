@@ -24,7 +24,7 @@ CRITERIA: tuple[Criterion, ...] = ("intervals", "D", "A")
 
 EXHAUSTIVE = 5000
 """Up to so many combinations are all looked at."""
-STARTS = 24
+STARTS = 16
 """Else an exchange begins from so many sets, beside those of the greedy choices."""
 BATCH = 2048
 
@@ -95,7 +95,8 @@ def choose(base: Array, added: Array, count: int, criterion: Criterion) -> tuple
     starts = [_grown(base, added, [], count, c) for c in CRITERIA]
     starts += [_grown(base, added, [i], count, criterion) for i in first]
     ends = {tuple(sorted(start)): None for start in starts}
-    improved = [_exchanged(base, added, list(start), criterion) for start in ends]
+    known: dict[tuple[int, ...], tuple[int, float]] = {}
+    improved = [_exchanged(base, added, list(start), criterion, known) for start in ends]
     return _in_order(base, added, min(improved, key=lambda end: end[1])[0], criterion)
 
 
@@ -110,18 +111,25 @@ def _grown(base: Array, added: Array, chosen: Sequence[int], count: int, criteri
     return grown
 
 
-def _exchanged(base: Array, added: Array, chosen: list[int], criterion: Criterion) -> tuple[list[int], float]:
-    """A set that no swap of one measurement improves (Fedorov's exchange), and its value."""
+def _exchanged(
+    base: Array, added: Array, chosen: list[int], criterion: Criterion, known: dict[tuple[int, ...], tuple[int, float]]
+) -> tuple[list[int], float]:
+    """A set that no swap of one measurement improves (Fedorov's exchange), and its value.
+
+    `known` remembers the best companion of others, and the value with it: starts soon come to the same sets.
+    """
     best = float(value(base + added[chosen].sum(axis=0), criterion))
     settled = 0
     place = 0
     while settled < len(chosen):
         others = chosen[:place] + chosen[place + 1 :]
-        swapped = values(base + added[others].sum(axis=0), added, criterion)
-        swapped[others] = np.inf
-        winner = int(np.argmin(swapped))
-        if swapped[winner] < best - 1e-12 * max(abs(best), 1.0):
-            chosen[place], best, settled = winner, float(swapped[winner]), 0
+        if (key := tuple(sorted(others))) not in known:
+            swapped = values(base + added[others].sum(axis=0), added, criterion)
+            swapped[others] = np.inf
+            known[key] = int(np.argmin(swapped)), float(swapped.min())
+        winner, value_there = known[key]
+        if value_there < best - 1e-12 * max(abs(best), 1.0):
+            chosen[place], best, settled = winner, value_there, 0
         settled += 1
         place = (place + 1) % len(chosen)
     return chosen, best

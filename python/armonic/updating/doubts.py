@@ -31,7 +31,11 @@ NOISELESS = 1e-6
 
 
 def doubts(
-    measurements: Sequence[Measurement], models: Sequence[Frf], weights: Sequence[Array], noise: float
+    measurements: Sequence[Measurement],
+    models: Sequence[Frf],
+    weights: Sequence[Array],
+    noise: float,
+    factors: Sequence[Array] | None = None,
 ) -> tuple[tuple[str, ...], bool]:
     """What to doubt, in full sentences, and whether the model explains the data at all.
 
@@ -42,13 +46,15 @@ def doubts(
         models: the fitted model's responses, one per measurement.
         weights: weight of every value; those of zero are left out.
         noise: standard deviation of one real part of the log residual.
+        factors: of a robust loss, by which the squares of values that are far off count less; likewise.
     """
     size, deviation = [], []
-    for m, model, weight in zip(measurements, models, weights, strict=True):
+    trusts = factors or [np.ones_like(weight) for weight in weights]
+    for m, model, weight, trust in zip(measurements, models, weights, trusts, strict=True):
         used = (weight > 0) & (model.values != 0)
         ratio = m.frf.values[used] / model.values[used]
         size.append(np.abs(m.frf.values[used]))
-        deviation.append(np.abs(np.log(np.abs(ratio)) + 1j * np.angle(ratio)))
+        deviation.append(np.sqrt(trust[used]) * np.abs(np.log(np.abs(ratio)) + 1j * np.angle(ratio)))
     spread = np.concatenate(deviation)[np.argsort(np.concatenate(size))]
     third = max(len(spread) // 3, 1)
     weak, strong = (float(np.sqrt(np.mean(part**2) / 2)) for part in (spread[:third], spread[-third:]))

@@ -16,7 +16,7 @@ from armonic.updating.doubts import doubts, nothing_identified, without_resonanc
 from armonic.updating.genetic import Genetic
 from armonic.updating.judging import judged
 from armonic.updating.models import models_at, refuse_absent, responses_like, robot_with
-from armonic.updating.options import check_options, refuse_few, sorted_measurements
+from armonic.updating.options import check_kinds, check_options, refuse_few, sorted_measurements, with_held
 from armonic.updating.parameters import choose, refuse_loaded
 from armonic.updating.priors import Prior, anchors_of
 from armonic.updating.record import record_of
@@ -112,12 +112,12 @@ def update(
     responses, modal = sorted_measurements(measurements)
     limit = max_evaluations if max_evaluations is not None else 200_000 if method == "genetic" else 1000
     options = {"cost": cost, "loss": loss, "starts": starts, "tolerance": tolerance, "max_evaluations": limit}
-    check_options(method, genetic, seed=seed, threads=threads, **options)
-    if isinstance(hold, Mapping) and hold:
-        robot = robot.with_values(hold)
+    check_options(method, genetic, modes_alone=not responses, seed=seed, threads=threads, **options)
+    check_kinds(robot, checkpoint, progress, bounds=bounds, laws=laws, priors=priors)
+    robot, held = with_held(robot, hold)
     models = tuple(linearize(robot, m.posture) for m in responses)
     model = models[0] if models else linearize(robot, modal[0].posture)
-    chosen = choose(robot, model.impedances, parameters, bounds, hold=tuple(hold) if hold else (), ties=ties, laws=laws)
+    chosen = choose(robot, model.impedances, parameters, bounds, hold=held, ties=ties, laws=laws)
     refuse_loaded(chosen, {name for model in models for name in model.loaded})
     anchors = anchors_of(robot, chosen, priors or {})
     task = Task(robot, responses, models, modal, chosen, anchors, cost == "relative")
@@ -126,7 +126,9 @@ def update(
     for m, model, weight in zip(responses, models, weights, strict=True):
         refuse_absent(m, model, weight)
     refuse_few(task, weights)
-    asked = options | {"genetic": genetic, "laws": dict(laws or {}), "priors": dict(priors or {}), "hold": _plain(hold)}
+    kept = dict(hold) if isinstance(hold, Mapping) else held
+    asked = options | {"genetic": genetic, "laws": dict(laws or {}), "priors": dict(priors or {}), "hold": kept}
+    del asked["max_evaluations"]  # a checkpoint is gone on with under a higher limit
     record = record_of(robot, [*responses, *modal], chosen, method, seed, asked)
     search = Search(
         task,
@@ -146,10 +148,11 @@ def update(
     x0, moved = task.start, task.values(run.x)
     values = np.array([p.start if run.x[i] == x0[i] else _rounded(moved[i], p) for i, p in enumerate(chosen)])
     x = np.array([p.coordinate(v) for p, v in zip(chosen, values, strict=True)])
-    known = judged(task, x, values, search.weights, [m.precision() for m in responses], search.anchored)
     after = models_at(task, values)
     frf_after = responses_like(task, after)
-    fitted, doubtful = _doubted(task, known, frf_after, weights)
+    factors, noise = search.robust_at(frf_after)
+    known = judged(task, x, values, search.weights, [m.precision() for m in responses], search.anchored, noise)
+    fitted, doubtful = _doubted(task, known, frf_after, weights, factors)
     places = [*models, *(linearize(robot, m.posture) for m in modal)]
     ends = [*after, *(linearize(robot_with(robot, chosen, values), m.posture) for m in modal)]
     first = {model.posture: i for i, model in reversed(list(enumerate(places)))}
@@ -191,13 +194,13 @@ def _rounded(value: float, parameter: Parameter) -> float:
 
 
 def _doubted(
-    task: Task, known: Judgement, frfs: Sequence[Frf], weights: Sequence[Array]
+    task: Task, known: Judgement, frfs: Sequence[Frf], weights: Sequence[Array], factors: Sequence[Array] | None
 ) -> tuple[tuple[FittedParameter, ...], tuple[str, ...]]:
     """Verdicts as far as the model explains the data, and what speaks against them."""
     fitted = known.parameters
     if not task.measurements:
         return fitted, nothing_identified(fitted, known.noise)
-    doubtful, explained = doubts(task.measurements, frfs, weights, known.noise)
+    doubtful, explained = doubts(task.measurements, frfs, weights, known.noise, factors)
     if not explained:
         fitted = tuple(replace(p, verdict="weak") if p.verdict == "identified" else p for p in fitted)
     silent = without_resonance(task.measurements, weights)
@@ -210,7 +213,3 @@ def _words(run: Run, limit: int) -> str:
     if run.status == "limit":
         return f"stopped after {limit} evaluations"
     return "cost and parameters have settled"
-
-
-def _plain(hold: Patterns | Mapping[str, float]) -> object:
-    return dict(hold) if isinstance(hold, Mapping) else hold if isinstance(hold, str) else list(hold)

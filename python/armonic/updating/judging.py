@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 TUNING = {"huber": 1.345, "cauchy": 2.385}
 """Residuals, in standard deviations, from which on a value counts less: 95 % efficient where there are no outliers."""
+STATED = 10**6
+"""Degrees of freedom behind a noise that was stated."""
 LEAST_NOISE = float(np.finfo(float).tiny)
 """Without any noise, too, what the data do not see stays open: infinity times more than zero."""
 
@@ -48,7 +50,13 @@ class Judgement:
 
 
 def judged(
-    task: Task, x: Array, values: Array, weights: Sequence[Array], precision: Sequence[Array], anchored: float
+    task: Task,
+    x: Array,
+    values: Array,
+    weights: Sequence[Array],
+    precision: Sequence[Array],
+    anchored: float,
+    noise: float | None = None,
 ) -> Judgement:
     """Noise, covariance and verdicts at a solution.
 
@@ -59,6 +67,7 @@ def judged(
         weights: of the cost, those of a robust loss included.
         precision: relative inverse variance of every value, from its coherence.
         anchored: by which modes and priors counted beside responses.
+        noise: of the responses, if a robust scale has told it; of their residuals if not given.
     """
     known, rows = _known(task, x)
     gradient_of = task.residual(weights, anchored=anchored, relative=task.relative).triangle(x)
@@ -68,13 +77,14 @@ def judged(
         noise = float(np.sqrt(np.sum(known[:, -1] ** 2) / max(freedom, 1)))
         widened = max(noise, 1.0)  # the deviations were stated; a residual below them does not shrink them
         covariance = covariance_of(known[:, :-1], widened * known[:, :-1])
-        verdicts = judge(task.parameters, values, gradient, covariance, max(freedom, 1))
+        verdicts = judge(task.parameters, values, gradient, covariance, STATED if noise <= 1 else max(freedom, 1))
         return Judgement(verdicts, noise, covariance, known[:, :-1].T @ known[:, :-1] / widened**2, freedom)
     bare = replace(task, modal=(), anchors=Anchors())
     used = [(w > 0).astype(float) for w in weights]
     equal = bare.residual([v * u for v, u in zip(precision, used, strict=True)]).triangle(x)
     freedom = int(2 * sum(u.sum() for u in used)) - len(x)
-    noise = float(np.sqrt(np.sum(equal[:, -1] ** 2) / max(freedom, 1)))
+    if noise is None:
+        noise = float(np.sqrt(np.sum(equal[:, -1] ** 2) / max(freedom, 1)))
     sigma = max(noise, LEAST_NOISE)
     weighted = bare.residual(weights).triangle(x)[:, :-1]
     spread = bare.residual([_over(w**2, v) for w, v in zip(weights, precision, strict=True)]).triangle(x)[:, :-1]
@@ -101,17 +111,22 @@ def _known(task: Task, x: Array) -> tuple[Array, int]:
     return stacked(*blocks), rows
 
 
-def robust(frfs: Sequence[Frf], measured: Sequence[Frf], precision: Sequence[Array], loss: Loss) -> list[Array]:
-    """The factor on every weight under a robust loss, (L, outputs, inputs) per measurement, from the residuals.
+def robust(
+    frfs: Sequence[Frf], measured: Sequence[Frf], precision: Sequence[Array], loss: Loss
+) -> tuple[list[Array], float]:
+    """The factor on every weight under a robust loss, and the noise without those values that are far off.
 
-    The scale is the median absolute deviation; a value's two parts share one factor (iteratively reweighted least
+    The noise is the median absolute deviation; a value's two parts share one factor (iteratively reweighted least
     squares, Holland and Welsch 1977).
 
     Args:
         frfs: of the model.
         measured: likewise.
-        precision: relative inverse variance of every value; those of zero are left out of the scale.
+        precision: relative inverse variance of every value; those of zero are left out of the noise.
         loss: "huber" or "cauchy".
+
+    Returns:
+        Factors, (L, outputs, inputs) per measurement, and the standard deviation of one real part of ln H.
     """
     sizes = []
     for model, data, v in zip(frfs, measured, precision, strict=True):
@@ -122,8 +137,8 @@ def robust(frfs: Sequence[Frf], measured: Sequence[Frf], precision: Sequence[Arr
     used = np.concatenate([size[v > 0] for size, v in zip(sizes, precision, strict=True)])
     scale = float(np.median(used)) / 0.8326  # of a Rayleigh law, whose half squares have mean one
     if scale == 0:
-        return [np.ones_like(size) for size in sizes]
+        return [np.ones_like(size) for size in sizes], scale
     relative = [size / (scale * TUNING[loss]) for size in sizes]
     if loss == "huber":
-        return [1 / np.maximum(size, 1.0) for size in relative]
-    return [1 / (1 + size**2) for size in relative]
+        return [1 / np.maximum(size, 1.0) for size in relative], scale
+    return [1 / (1 + size**2) for size in relative], scale

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from numbers import Real
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -60,11 +61,13 @@ def slopes(robot: Robot, chosen: list[Parameter], laws: Mapping[str, Law]) -> li
     for pattern, law in laws.items():
         if not isinstance(law, Law):
             raise UpdateError(f"law of {pattern}", found=repr(law), expected='a Law, as Law(over="arm.z")')
+        if not isinstance(law.slope, Real) or not np.isfinite(law.slope):
+            raise UpdateError(f"law of {pattern}", found=f"a slope of {law.slope!r}", expected="a finite number")
         if law.over != "torque" and law.over not in robot.coordinates:
             raise UpdateError(
                 f"law of {pattern}", found=repr(law.over), expected=f'"torque" or one of {", ".join(robot.coordinates)}'
             )
-        for path in numbers_of(robot, pattern):
+        for path in numbers_of(robot, pattern, "laws"):
             place = next((i for i, p in enumerate(chosen) if path in p.paths), None)
             if place is None or not path.startswith("links.") or not chosen[place].indices:
                 raise UpdateError(
@@ -78,6 +81,16 @@ def slopes(robot: Robot, chosen: list[Parameter], laws: Mapping[str, Law]) -> li
             # Within this reach the number changes by its own size over a radian, a metre, or its load at rest.
             scale = _reach(robot, law, path)
             size, limit = base.start / scale, 10 * base.upper / scale
+            if abs(law.slope) > limit:
+                raise UpdateError(
+                    f"law of {path}", found=f"a slope of {law.slope:g}", expected=f"one within {limit:g} either way"
+                )
+            if law.over == "torque" and len(base.paths) > 1:
+                raise UpdateError(
+                    f"law of {path}",
+                    found="a number that is tied, over a torque that every joint has its own of",
+                    expected="a law over a coordinate, or a number that is not tied",
+                )
             found.append(
                 Parameter(
                     f"{base.path} per {law.over}",

@@ -115,6 +115,7 @@ class Measurement:
         used = np.ones(shape)
         if self.mask is not None:
             used *= self._per_value("mask", self.mask, boolean=True)
+            self._refuse_empty("mask", used, "false everywhere", "true for at least one value")
         if self.band is not None:
             try:
                 low, high = (float(edge) for edge in self.band)
@@ -124,17 +125,20 @@ class Measurement:
                 raise UpdateError(f"{self.label}: band", found=repr(self.band), expected="(low, high) in Hz")
             f = self.frf.freq_hz
             used *= ((f >= low) & (f <= high))[:, None, None]
+            self._refuse_empty("band", used, f"no value from {low:g} to {high:g} Hz", "at least one")
         if self.coherence is not None:
             coherence = self._per_value("coherence", self.coherence)
             if not ((coherence >= 0) & (coherence <= 1)).all():
                 raise UpdateError(f"{self.label}: coherence", found="a value out of range", expected="γ² from 0 to 1")
             coherence = np.minimum(coherence, BEST_COHERENCE)
             precision = coherence / (1 - coherence)
-            if (used * precision > 0).any():
-                used *= precision / np.median(precision[used * precision > 0])
-            else:
-                used[:] = 0.0
+            self._refuse_empty("coherence", used * precision, "zero everywhere", "at least one above zero")
+            used *= precision / np.median(precision[used * precision > 0])
         return used
+
+    def _refuse_empty(self, name: str, used: Array, found: str, expected: str) -> None:
+        if not used.any():
+            raise UpdateError(f"{self.label}: {name}", found=found, expected=expected)
 
     def _per_value(self, name: str, given: ArrayLike, *, boolean: bool = False) -> Array:
         """Numbers per line or per value as one array, (L, outputs, inputs)."""
@@ -142,7 +146,7 @@ class Measurement:
         try:
             array = np.asarray(given)
             fits = array.dtype == bool if boolean else np.isrealobj(array)
-            values = array.astype(np.float64)
+            values = array.astype(np.float64) if fits else np.zeros(0)
         except (TypeError, ValueError):
             fits, values = False, np.zeros(0)
         if not fits:

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-from numbers import Integral
+from collections.abc import Mapping
+from numbers import Integral, Real
+from os import PathLike
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
-from armonic.errors import UpdateError
+from armonic.errors import RobotFileError, UpdateError
+from armonic.robot import Robot
 from armonic.updating.genetic import Genetic
 from armonic.updating.measurement import Loss, Measurement
 from armonic.updating.modal_data import ModalMeasurement
+from armonic.updating.parameters import PATTERNS, listed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from armonic.updating.parameters import Patterns
     from armonic.updating.task import Task
 
 Method = Literal["continuation", "least_squares", "genetic"]
@@ -31,18 +36,37 @@ def sorted_measurements(
     Raises:
         UpdateError: none at all, or something else among them.
     """
-    listed = (given,) if isinstance(given, Measurement | ModalMeasurement) else tuple(given)
-    strange = [m for m in listed if not isinstance(m, Measurement | ModalMeasurement)]
-    if strange or not listed:
+    expected = "at least one Measurement(frf, posture=..., frame=...)"
+    several = [given] if isinstance(given, Measurement | ModalMeasurement) else listed(given, "measurements", expected)
+    strange = [m for m in several if not isinstance(m, Measurement | ModalMeasurement)]
+    if strange or not several:
         found = f"a {type(strange[0]).__name__}" if strange else "none"
-        raise UpdateError("measurements", found=found, expected="at least one Measurement(frf, posture=..., frame=...)")
+        raise UpdateError("measurements", found=found, expected=expected)
     return (
-        tuple(m for m in listed if isinstance(m, Measurement)),
-        tuple(m for m in listed if isinstance(m, ModalMeasurement)),
+        tuple(m for m in several if isinstance(m, Measurement)),
+        tuple(m for m in several if isinstance(m, ModalMeasurement)),
     )
 
 
-def check_options(method: str, genetic: object, **options: Any) -> None:
+def with_held(robot: Robot, hold: Patterns | Mapping[str, float]) -> tuple[Robot, Patterns]:
+    """The robot with the values of what is held, and the patterns of that.
+
+    Raises:
+        UpdateError: no paths, or a value that the robot cannot have.
+    """
+    if isinstance(hold, str):
+        return robot, hold
+    if not isinstance(hold, Mapping):
+        return robot, listed(hold, "hold", PATTERNS)
+    for path, value in hold.items():
+        try:
+            robot = robot.with_values({path: value})
+        except (UpdateError, RobotFileError) as error:
+            raise UpdateError(f"hold {path}", found=error.found, expected=error.expected, hint=error.hint) from None
+    return robot, list(hold)
+
+
+def check_options(method: str, genetic: object, *, modes_alone: bool, **options: Any) -> None:
     """Refuses options that no fit has.
 
     Raises:
@@ -53,12 +77,13 @@ def check_options(method: str, genetic: object, **options: Any) -> None:
     for name, (found, known) in words.items():
         if found not in known:
             raise UpdateError(name, found=repr(found), expected=" or ".join(f'"{word}"' for word in known))
-    tolerance, limit = options["tolerance"], options["max_evaluations"]
-    if not SMALLEST_TOLERANCE <= tolerance < 1:
+    for name, ordinary in {"cost": "logarithmic", "loss": "squares"}.items():
+        if modes_alone and options[name] != ordinary:
+            raise UpdateError(name, found=f'"{options[name]}" for modes alone', expected=f'"{ordinary}"')
+    tolerance = options["tolerance"]
+    if not isinstance(tolerance, Real) or not SMALLEST_TOLERANCE <= float(tolerance) < 1:
         raise UpdateError("tolerance", found=f"{tolerance}", expected=f"a number from {SMALLEST_TOLERANCE:.1e} to 1")
-    if not limit >= 1:
-        raise UpdateError("max_evaluations", found=f"{limit}", expected="at least 1")
-    for name in ("starts", "seed", "threads"):
+    for name in ("max_evaluations", "starts", "seed", "threads"):
         value, least = options[name], 0 if name == "seed" else 1
         if name == "threads" and value is None:
             continue
@@ -68,6 +93,23 @@ def check_options(method: str, genetic: object, **options: Any) -> None:
         raise UpdateError("genetic", found=f"a {type(genetic).__name__}", expected="a Genetic(population=..., ...)")
     if genetic is not None and method != "genetic":
         raise UpdateError("genetic", found=f'options beside method="{method}"', expected='method="genetic"')
+
+
+def check_kinds(robot: object, checkpoint: object, progress: object, **mappings: object) -> None:
+    """Refuses arguments that are something else altogether.
+
+    Raises:
+        UpdateError: one of them.
+    """
+    if not isinstance(robot, Robot):
+        raise UpdateError("robot", found=f"a {type(robot).__name__}", expected="a Robot, as from armonic.load(...)")
+    for name, given in mappings.items():
+        if given is not None and not isinstance(given, Mapping):
+            raise UpdateError(name, found=repr(given), expected="a mapping by path or pattern, or none")
+    if checkpoint is not None and not isinstance(checkpoint, str | PathLike):
+        raise UpdateError("checkpoint", found=repr(checkpoint), expected="the path of a file, or none")
+    if progress is not None and not callable(progress):
+        raise UpdateError("progress", found=repr(progress), expected="a function of one Progress, or none")
 
 
 def refuse_few(task: Task, weights: Sequence[Any]) -> None:

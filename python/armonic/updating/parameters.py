@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from armonic.errors import UpdateError
 from armonic.updating.laws import Law, slopes
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
     from armonic.robot import Robot
 
@@ -31,6 +31,9 @@ POSITIVE = (
     "joint_damping", "radius", "kp", "kd", "ki",
 )  # fmt: skip
 """Last words of paths to numbers that have no other sign: they are fitted by their logarithms."""
+
+PATTERNS = "a path or pattern, or a list of them"
+GROUPS = "groups of paths or patterns, as in [[first, second]]"
 
 Scale = Literal["log", "linear"]
 
@@ -103,41 +106,63 @@ def choose(
         UpdateError: nothing matches, a start is zero where it may not be, bounds are not ordered, beyond those of the
             file or exclude the start, or ties contradict each other, the bounds or what is held.
     """
-    starts = _numbers(robot, patterns)
-    held = _numbers(robot, hold) if hold else {}
+    starts = numbers_of(robot, patterns, "parameters")
+    held = numbers_of(robot, hold, "hold") if hold else {}
     given: dict[str, Sequence[float]] = {}
     for pattern, pair in (bounds or {}).items():
-        given.update(dict.fromkeys(_numbers(robot, pattern), pair))
+        given.update(dict.fromkeys(numbers_of(robot, pattern, "bounds"), pair))
     chosen = [_parameter(robot, path, start, given, impedances) for path, start in starts.items() if path not in held]
     if not chosen:
         raise UpdateError("hold", found="every parameter", expected="at least one that is fitted")
     chosen = _tied(robot, chosen, ties, held)
-    return (*chosen, *slopes(robot, chosen, laws)) if laws else tuple(chosen)
+    further = slopes(robot, chosen, laws) if laws else []  # marks the numbers that have one
+    return (*chosen, *further)
 
 
-def numbers_of(robot: Robot, patterns: Patterns) -> dict[str, float]:
+def numbers_of(robot: Robot, patterns: Patterns, where: str) -> dict[str, float]:
     """Values by path of what a fit may change; see `choose` for patterns.
 
+    Args:
+        robot: holds the numbers.
+        patterns: paths, shell patterns or groups.
+        where: the argument that they come from.
+
     Raises:
-        UpdateError: a pattern matches nothing.
+        UpdateError: a pattern matches nothing, or is none.
     """
-    return _numbers(robot, patterns)
-
-
-def _numbers(robot: Robot, patterns: Patterns) -> dict[str, float]:
-    words = patterns.split(",") if isinstance(patterns, str) else list(patterns)
-    if not words:
-        return robot.parameters(words)  # which says what is missing
+    words = patterns.split(",") if isinstance(patterns, str) else listed(patterns, where, PATTERNS)
+    if wrong := [word for word in words if not isinstance(word, str)]:
+        raise UpdateError(where, found=repr(wrong[0]), expected=PATTERNS)
     found: dict[str, float] = {}
-    for word in words:
-        try:
-            found |= robot.parameters([word])
-        except UpdateError as error:
-            try:
-                found |= robot.numbers([word])
-            except UpdateError:
-                raise error from None
+    try:
+        for word in words:
+            found |= _matches(robot, word)
+        if not words:
+            robot.parameters(words)  # which says what is missing
+    except UpdateError as error:
+        raise UpdateError(where, found=error.found, expected=error.expected, hint=error.hint) from None
     return {path: found[path] for path in robot.numbers() if path in found}
+
+
+def _matches(robot: Robot, pattern: str) -> dict[str, float]:
+    try:
+        return robot.parameters([pattern])
+    except UpdateError as error:
+        try:
+            return robot.numbers([pattern])
+        except UpdateError:
+            raise error from None
+
+
+def listed(given: object, where: str, expected: str) -> list[Any]:
+    """What stands in an argument that has to be a list or the like.
+
+    Raises:
+        UpdateError: it is none.
+    """
+    if not isinstance(given, Iterable) or isinstance(given, str | bytes):
+        raise UpdateError(where, found=repr(given), expected=expected)
+    return list(given)
 
 
 def _parameter(robot: Robot, path: str, start: float, given: Bounds, impedances: tuple[str, ...]) -> Parameter:
@@ -183,7 +208,7 @@ def _tied(
     robot: Robot, chosen: list[Parameter], ties: Iterable[Patterns], held: Mapping[str, float]
 ) -> list[Parameter]:
     """The parameters with those of each tie as one, at the place of the first."""
-    groups = [list(_numbers(robot, patterns)) for patterns in ties]
+    groups = [list(numbers_of(robot, patterns, "ties")) for patterns in listed(ties, "ties", GROUPS)]
     by_path = {p.path: p for p in chosen}
     twice = [path for path, count in Counter(path for group in groups for path in group).items() if count > 1]
     if twice:

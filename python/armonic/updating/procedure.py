@@ -7,6 +7,7 @@ plain data. A run that goes on from such a state takes the same steps as one tha
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from numbers import Integral
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -33,6 +34,9 @@ CHUNK = 500
 FIRST_STEP = 0.05
 """Edge of the first simplex as a share of each value (MATLAB's `fminsearch` and SciPy have the same)."""
 FIRST_STEP_AT_ZERO = 0.00025
+"""The same where a value is zero, as a share of its range."""
+SMALLEST_SIZE = 1e-4
+"""A value nearer to zero than this share of its range is not worth more digits than one of that size."""
 SIMPLEX_EXTENT = 1e-8
 """A simplex this small, as a share of each value, has closed in on a minimum, ..."""
 SIMPLEX_COSTS = 1e-4
@@ -114,14 +118,16 @@ def paper_procedure(
         The best there was. An interrupted run has kept its best, and the last state that was saved.
 
     Raises:
-        UpdateError: start, bounds, limit or state do not fit.
+        UpdateError: start, bounds, seed, limit or state do not fit.
         KeyboardInterrupt: before anything was evaluated.
     """
     if not limit >= 1:
         raise UpdateError("max_evaluations", found=f"{limit}", expected="at least 1")
+    if not isinstance(seed, Integral) or seed < 0:
+        raise UpdateError("seed", found=repr(seed), expected="a whole number from 0 on")
     space = Space(lower, upper, options.scale)
     guess = None if start is None else space.checked(start, "start")
-    run = _Run(costs, space, options, np.random.Generator(np.random.PCG64(seed)), limit, watch, save)
+    run = _Run(costs, space, options, np.random.Generator(np.random.PCG64(int(seed))), limit, watch, save)
     if state is not None:
         run.restore(state)
     return run.finish(guess)
@@ -251,8 +257,9 @@ class _Run:
         if space.scale == "log":
             sizes, out = np.ones(len(centre)), centre + np.log1p(FIRST_STEP)
         else:
-            sizes = np.exp2(np.floor(np.log2(np.where(centre == 0, space.high - space.low, np.abs(centre)))))
-            out = np.where(centre == 0, FIRST_STEP_AT_ZERO * sizes, (1 + FIRST_STEP) * centre)
+            width = space.high - space.low
+            sizes = np.exp2(np.floor(np.log2(np.maximum(np.abs(centre), SMALLEST_SIZE * width))))
+            out = np.where(centre == 0, FIRST_STEP_AT_ZERO * width, (1 + FIRST_STEP) * centre)
         out = np.where((out > space.high) | (out < space.low), 2 * centre - out, out)
         vertices = np.vstack([centre, np.where(np.eye(len(centre), dtype=bool), out, centre)])
         return _Simplex(sizes, np.clip(vertices, space.low, space.high) / sizes)

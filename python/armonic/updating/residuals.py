@@ -3,53 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from armonic.updating.laws import values_in
+from armonic.updating.trust_region import FIRST_RADIUS, UNSEEN, Descent, descend
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
     from armonic import _core
     from armonic.linear import LinearModel
     from armonic.updating.parameters import Parameter
+    from armonic.updating.trust_region import Watch
 
     Array: TypeAlias = NDArray[np.float64]
-    Watch: TypeAlias = Callable[[int, float], object]
-
-Ending = Literal["converged", "limit", "interrupted"]
-
-UNSEEN = 1e-11
-"""A column of the Jacobian below this share of the largest is rounding: the data do not see that parameter, and it is
-left where it started instead of being steered by noise."""
-FIRST_RADIUS = 1.0
-"""The first step changes no parameter by more than a factor of e."""
-
-
-@dataclass(frozen=True)
-class Descent:
-    """Where one stage of a fit ended.
-
-    Attributes:
-        x: its lowest point, (c,).
-        cost: the cost there.
-        best: the point of the lowest price on the way, (c,).
-        price: that price: the cost under the weights that were asked for; of a stage that has no other, its own cost.
-        history: lowest price after each evaluation, (E,).
-        ending: "converged", "limit" or "interrupted".
-    """
-
-    x: Array
-    cost: float
-    best: Array
-    price: float
-    history: Array
-    ending: Ending
 
 
 class Residual(Protocol):
@@ -210,7 +181,7 @@ class Scaled:
 
 
 class JointResidual:
-    """Several residuals of the same coordinates as one, with anchors; it goes down by SciPy's trust region."""
+    """Several residuals of the same coordinates as one, with anchors."""
 
     def __init__(self, parts: Sequence[Residual], anchors: Anchors | None = None) -> None:
         """Parts count as they are."""
@@ -229,65 +200,8 @@ class JointResidual:
     def descend(
         self, start: Array, lower: Array, upper: Array, *, tolerance: float, evaluations: int, watch: Watch | None
     ) -> Descent:
-        """Bounded trust-region least squares (Branch, Coleman and Li 1999, as in SciPy)."""
-        walk = _Walk(self, evaluations, watch)
-        inside = np.clip(start, lower, upper)
-        ending: Ending = "converged"
-        try:
-            walk.at(inside)
-            if np.isfinite(walk.cost):
-                least_squares(
-                    walk.residual_at,
-                    inside,
-                    jac=walk.jacobian_at,
-                    bounds=(lower, upper),
-                    xtol=max(tolerance, np.finfo(float).eps),
-                    ftol=max(tolerance, np.finfo(float).eps),
-                    gtol=max(tolerance, np.finfo(float).eps),
-                    max_nfev=evaluations + 2,  # out of reach: the walk counts
-                )
-        except _EnoughError:
-            ending = "limit"
-        except KeyboardInterrupt:
-            ending = "interrupted"
-        return Descent(walk.best, walk.cost, walk.best, walk.cost, np.array(walk.history), ending)
-
-
-class _EnoughError(Exception):
-    """No evaluation is left."""
-
-
-class _Walk:
-    """Evaluations of one run: counted, the last remembered, the best kept."""
-
-    def __init__(self, residual: Residual, limit: int, watch: Watch | None) -> None:
-        self.residual, self.limit, self.watch = residual, limit, watch
-        self.cost, self.best, self.history = np.inf, np.zeros(0), list[float]()
-        self._last: tuple[Array, Array] | None = None
-
-    def residual_at(self, x: Array) -> Array:
-        return self.at(x)[:, -1]
-
-    def jacobian_at(self, x: Array) -> Array:
-        return self.at(x)[:, :-1]
-
-    def at(self, x: Array) -> Array:
-        if self._last is not None and np.array_equal(self._last[0], x):
-            return self._last[1]
-        if len(self.history) >= self.limit:
-            raise _EnoughError
-        try:
-            triangle = self.residual.triangle(x)
-            cost = float(np.sum(triangle[:, -1] ** 2))
-        except ArithmeticError:
-            triangle, cost = np.full((len(x) + 1,) * 2, np.inf), np.inf
-        if cost < self.cost or not self.best.size:
-            self.cost, self.best = cost, x.copy()
-        self.history.append(self.cost)
-        self._last = (x.copy(), triangle)
-        if self.watch is not None:
-            self.watch(len(self.history), self.cost)
-        return triangle
+        """Bounded trust-region least squares."""
+        return descend(self.triangle, start, lower, upper, tolerance=tolerance, evaluations=evaluations, watch=watch)
 
 
 def stacked(*blocks: Array) -> Array:

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from armonic.updating.options import Method
     from armonic.updating.parameters import Parameter
     from armonic.updating.record import Record
-    from armonic.updating.residuals import Ending
     from armonic.updating.stages import StageEnd
+    from armonic.updating.trust_region import Ending
     from armonic.updating.uncertainty import FittedParameter
 
     Array: TypeAlias = NDArray[np.float64]

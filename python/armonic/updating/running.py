@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import threading
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -141,6 +141,7 @@ def run_starts(
             runs = [f.result() for f in futures if not f.cancelled() and f.exception() is None]
             if not runs:
                 raise
+            runs[-1] = replace(runs[-1], status="interrupted")
     return runs
 
 
@@ -152,6 +153,7 @@ def _in_turn(one: Callable[[int], Run], which: range) -> list[Run]:
         except KeyboardInterrupt:
             if not runs:
                 raise
+            runs[-1] = replace(runs[-1], status="interrupted")
             break
         if runs[-1].status == "interrupted":
             break
@@ -197,7 +199,8 @@ def run_genetic(
     )
     x = np.array([p.coordinate(v) for p, v in zip(task.parameters, outcome.values, strict=True)])
     counts, best = outcome.history[:, 0].astype(int), outcome.history[:, 1]
-    history = np.repeat(best, np.diff(np.append(0, counts)))
+    after = np.searchsorted(counts, np.arange(1, outcome.evaluations + 1), side="right") - 1
+    history = best[np.maximum(after, 0)]
     ends = [0, *(stage.evaluations for stage in outcome.stages)]
     stages = [
         StageEnd(stage.name, 0.0, history[begin:end])

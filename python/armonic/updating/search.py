@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, dataclass, field, replace
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -16,10 +16,11 @@ from armonic.updating.running import RETRIES, Progress, Watcher, random_start, r
 from armonic.updating.stages import Run, Stage, Walker, stages_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
+    from armonic.response import Frf
     from armonic.updating.checkpoint import Checkpoint
     from armonic.updating.measurement import Loss
     from armonic.updating.options import Method
@@ -34,6 +35,8 @@ FIRST_NOISE = 0.01
 LEAST_ANCHOR = 1e-12
 SETTLED = 0.01
 """Weights and anchors that change by less from round to round have settled."""
+FAIR = 200
+"""A run that has had so many evaluations and explains nothing crawls along a bad valley; others deserve the chance."""
 
 
 @dataclass(eq=False)
@@ -117,36 +120,52 @@ class Search:
         runs = run_starts(task, stages, points, **options)  # type: ignore[arg-type]
         best = self._count(runs)
         direct = [stage for stage in stages if stage.sigma == 0]
-        if self.starts == 1 and len(direct) < len(stages) and best.status == "converged" and not self._explains(best.x):
-            # A good start deserves to be tried without a ladder that garbage in the data may have bent.
-            straight = Walker(direct, *task.box, self.limit, watcher.of(0)).run(task.start)
-            straight = self._count([straight])
-            best = straight if straight.cost < best.cost or self._explains(straight.x) else best
         retries = RETRIES if self.method == "continuation" and self.starts == 1 else 0
-        for k in range(1, retries + 1):
-            if best.status != "converged" or self._explains(best.x):
-                break
-            points.append(random_start(task, self.seed, k))
-            again = run_starts(task, stages, points, **options, done=runs)  # type: ignore[arg-type]
-            runs += again
-            better = self._count(again)
-            best = better if better.cost < best.cost else best
+        try:
+            if self.starts == 1 and len(direct) < len(stages) and self._is_astray(best):
+                # A good start deserves to be tried without a ladder that garbage in the data may have bent.
+                straight = self._count([Walker(direct, *task.box, self.limit, watcher.of(0)).run(task.start)])
+                best = _better(best, straight, or_else=self._explains(straight.x))
+            for k in range(1, retries + 1):
+                if not self._is_astray(best):
+                    break
+                points.append(random_start(task, self.seed, k))
+                again = run_starts(task, stages, points, **options, done=runs)  # type: ignore[arg-type]
+                runs += again
+                best = _better(best, self._count(again))
+        except KeyboardInterrupt:
+            best = replace(best, status="interrupted")
         return best
 
     def _count(self, runs: list[Run]) -> Run:
         self.ends += [run.cost for run in runs]
         self.evaluations += sum(run.evaluations for run in runs)
-        return min(runs, key=lambda run: run.cost)
+        best = min(runs, key=lambda run: run.cost)
+        return replace(best, status="interrupted") if any(run.status == "interrupted" for run in runs) else best
+
+    def _is_astray(self, run: Run) -> bool:
+        """Whether a run that had its chance ended where the model does not explain the data."""
+        had = run.status == "converged" or (run.status == "limit" and run.evaluations >= FAIR)
+        return had and not self._explains(run.x)
 
     def _explains(self, x: Array) -> bool:
         task = self.task
         if not task.measurements:
             return True
         frfs = responses_like(task, models_at(task, task.values(x)))
-        return doubts(task.measurements, frfs, self.weights, 0.0)[1]
+        return doubts(task.measurements, frfs, self.weights, 0.0, self.robust_at(frfs)[0])[1]
+
+    def robust_at(self, frfs: Sequence[Frf]) -> tuple[list[Array] | None, float | None]:
+        """Factors of a robust loss where the model has these responses, and the noise; of squares neither."""
+        if self.loss == "squares":
+            return None, None
+        measurements = self.task.measurements
+        return robust(frfs, [m.frf for m in measurements], [m.precision() for m in measurements], self.loss)
 
     def _mean_weight(self) -> float:
-        used = [w[w > 0] for w in self.weights]
+        """Of what was asked for beyond the precision of the values."""
+        precision = [m.precision() for m in self.task.measurements]
+        used = [w[w > 0] / v[w > 0] for w, v in zip(self.weights, precision, strict=True)]
         return float(np.mean(np.concatenate(used))) if used else 1.0
 
     def _reweighted(self, run: Run, mean: float) -> Run:
@@ -156,17 +175,14 @@ class Search:
         if self.loss == "squares" and not anchors:
             return run
         asked = self.weights
-        precision = [m.precision() for m in task.measurements]
         factors = [np.ones_like(w) for w in asked]
         for _ in range(REWEIGHTINGS):
-            frfs = responses_like(task, models_at(task, task.values(run.x)))
-            measured = [m.frf for m in task.measurements]
+            change = 0.0
             if self.loss != "squares":
-                old, factors = factors, robust(frfs, measured, precision, self.loss)
+                found, _ = self.robust_at(responses_like(task, models_at(task, task.values(run.x))))
+                old, factors = factors, found or factors
                 self.weights = [w * f for w, f in zip(asked, factors, strict=True)]
                 change = max(float(np.abs(a - b).max()) for a, b in zip(old, factors, strict=True))
-            else:
-                change = 0.0
             if anchors:
                 before, self.anchored = self.anchored, max(self._noise(run.x) ** 2 * mean, LEAST_ANCHOR)
                 change = max(change, abs(np.log(self.anchored / before)))
@@ -182,12 +198,20 @@ class Search:
         return run
 
     def _noise(self, x: Array) -> float:
-        """Relative noise of the responses at x."""
-        from dataclasses import replace
-
+        """Relative noise of the responses at x, of those of ordinary precision."""
         from armonic.updating.residuals import Anchors
 
-        used = [(w > 0).astype(float) for w in self.weights]
-        bare = replace(self.task, modal=(), anchors=Anchors())
-        count = 2 * sum(u.sum() for u in used)
-        return float(np.sqrt(bare.residual(used).costs(x[None, :])[0] / count))
+        task = self.task
+        _, noise = self.robust_at(responses_like(task, models_at(task, task.values(x))))
+        if noise is not None:
+            return noise
+        precision = [m.precision() * (w > 0) for m, w in zip(task.measurements, self.weights, strict=True)]
+        bare = replace(task, modal=(), anchors=Anchors())
+        count = 2 * sum(np.count_nonzero(v) for v in precision)
+        return float(np.sqrt(bare.residual(precision).costs(x[None, :])[0] / count))
+
+
+def _better(best: Run, other: Run, *, or_else: bool = False) -> Run:
+    """The one that cost less, or the other for another reason; interrupted if the other was."""
+    chosen = other if other.cost < best.cost or or_else else best
+    return replace(chosen, status="interrupted") if other.status == "interrupted" else chosen

@@ -26,6 +26,8 @@ FINEST = 0.6
 """No σ below this share of the distance between lines: narrower bells see single lines."""
 LEVELS = 5
 """Rungs of the ladder."""
+OVERLAP = 3.0
+"""Lines that are compared on a rung, per σ."""
 TAIL_NODES = 32
 
 
@@ -48,7 +50,20 @@ def ladder(freq_hz: Array) -> tuple[float, ...]:
     return tuple(float(sigma) for sigma in rungs)
 
 
-def smoothed(freq_hz: Array, mobility: Complex, sigma: float, used: NDArray[np.bool_] | None = None) -> Complex:
+def thinned(freq_hz: Array, sigma: float) -> NDArray[np.intp]:
+    """Which lines to compare on a rung: at a distance of a third of σ, for what is smoothed says no more than that."""
+    lines = 2 * np.pi * np.asarray(freq_hz)
+    step = max(int(sigma / OVERLAP / np.median(np.diff(lines))), 1)
+    return np.arange(len(lines) - 1, -1, -step)[::-1]
+
+
+def smoothed(
+    freq_hz: Array,
+    mobility: Complex,
+    sigma: float,
+    used: NDArray[np.bool_] | None = None,
+    at: NDArray[np.intp] | None = None,
+) -> Complex:
     """H(σ + iω) from H(iω) on a band: Poisson's integral over the lines and their mirror images below zero.
 
     H(σ+iω) = 1/π ∫ H(iω') σ/((ω−ω')² + σ²) dω'. It is the mobility that is smoothed: a noise floor of the accelerance
@@ -61,19 +76,22 @@ def smoothed(freq_hz: Array, mobility: Complex, sigma: float, used: NDArray[np.b
         mobility: measured, (L, p, m).
         sigma: σ > 0, rad/s.
         used: which values count, (L, p, m); the others are bridged. All if not given.
+        at: indices of the lines where it is wanted, (K,); all if not given.
 
     Returns:
-        The mobility at σ + iω, (L, p, m), at every line.
+        The mobility at σ + iω, (K, p, m).
     """
     lines = 2 * np.pi * np.asarray(freq_hz)
+    wanted = lines if at is None else lines[at]
+    shape = (len(wanted), *mobility.shape[1:])
     if used is None or used.all():
-        return _smoothed(lines, lines, mobility.reshape(len(lines), -1), sigma).reshape(mobility.shape)
-    out = np.ones_like(mobility)
+        return _smoothed(wanted, lines, mobility.reshape(len(lines), -1), sigma).reshape(shape)
+    out = np.ones(shape, complex)
     for pair in np.ndindex(mobility.shape[1:]):
         kept = used[(slice(None), *pair)]
         if np.count_nonzero(kept) >= 2:
             values = mobility[(kept, *pair)][:, None]
-            out[(slice(None), *pair)] = _smoothed(lines, lines[kept], values, sigma)[:, 0]
+            out[(slice(None), *pair)] = _smoothed(wanted, lines[kept], values, sigma)[:, 0]
     return out
 
 

@@ -15,8 +15,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from armonic.updating.residuals import Descending, Ending
+    from armonic.updating.residuals import Descending
     from armonic.updating.task import Task
+    from armonic.updating.trust_region import Ending
 
     Array: TypeAlias = NDArray[np.float64]
 
@@ -240,7 +241,7 @@ class Walker:
                         "cost": cost if np.isfinite(cost) else None,
                         "price": best[0] if np.isfinite(best[0]) else None,
                         "best": best[1].tolist(),
-                        "stages": [[end.name, end.sigma, end.history.tolist()] for end in ends],
+                        "stages": [[end.name, end.sigma, _plain(end.history)] for end in ends],
                     }
                 )
         if not np.isfinite(cost):  # it never came to the last stage
@@ -266,4 +267,9 @@ class Walker:
 
 def _end(kept: list[Any]) -> StageEnd:
     name, sigma, history = kept
-    return StageEnd(str(name), float(sigma), np.array(history, float))
+    return StageEnd(str(name), float(sigma), np.array([np.inf if cost is None else cost for cost in history], float))
+
+
+def _plain(costs: Array) -> list[float | None]:
+    """As JSON has it, where infinity is nothing."""
+    return [cost if np.isfinite(cost) else None for cost in costs.tolist()]

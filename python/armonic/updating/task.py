@@ -12,7 +12,7 @@ from armonic.errors import UpdateError
 from armonic.linear import LinearModel
 from armonic.synthesis import system
 from armonic.updating.residuals import Anchors, CoreResidual, JointResidual, LawResidual, Scaled
-from armonic.updating.smoothing import smoothed
+from armonic.updating.smoothing import smoothed, thinned
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -126,22 +126,23 @@ class Task:
     def _theta(self) -> Array:
         return np.concatenate([self.models[0].spring, self.models[0].damper])
 
-    def _points(self, k: int, weight: Array, sigma: float) -> tuple[Complex, Complex, NDArray[np.bool_]]:
+    def _points(self, k: int, weight: Array, sigma: float) -> tuple[Complex, Complex, NDArray[np.intp]]:
         """Where a measurement is compared, its receptances there, and which of its lines those are.
 
         The factor (iω)^p of the kind cancels in a log difference, so receptances are compared.
         """
         m = self.measurements[k]
         power = {"receptance": 0, "mobility": 1, "accelerance": 2}[m.frf.kind]
-        points = 2j * np.pi * m.frf.freq_hz
-        kept = (points != 0) | (power == 0)
+        points: Complex = 2j * np.pi * m.frf.freq_hz
+        kept = np.flatnonzero((points != 0) | (power == 0))
         points, values = points[kept], m.frf.values[kept]
         if sigma == 0:
-            return points, values / (points**power)[:, None, None], kept
-        mobility = points[:, None, None] ** (1 - power) * values
-        mobility = smoothed(m.frf.freq_hz[kept], mobility, sigma, weight[kept] > 0)
-        points = points + sigma
-        return points, mobility / points[:, None, None], kept
+            return points, np.asarray(values / (points**power)[:, None, None]), kept
+        freq_hz, mobility = m.frf.freq_hz[kept], points[:, None, None] ** (1 - power) * values
+        few = thinned(freq_hz, sigma)
+        mobility = smoothed(freq_hz, mobility, sigma, weight[kept] > 0, few)
+        points = points[few] + sigma
+        return points, np.asarray(mobility / points[:, None, None]), kept[few]
 
     def _problem(
         self,
