@@ -54,18 +54,23 @@ if TYPE_CHECKING:
         peak_weights,
         update,
     )
+    from armonic.updating.bands import FrfBands, ModalIntervals, frf_bands, modal_intervals
     from armonic.updating.candidates import Candidate, candidates
+    from armonic.updating.directions import Direction, correlation, directions
     from armonic.updating.expected import PlannedParameter
     from armonic.updating.planning import Plan, Ranked, plan_measurement
+    from armonic.updating.profile import Profile, profile
 
 __all__ = [
     "ArmonicError",
     "Candidate",
     "DataFileError",
+    "Direction",
     "Finding",
     "Fit",
     "FittedParameter",
     "Frf",
+    "FrfBands",
     "FrfError",
     "GainMargin",
     "Genetic",
@@ -73,6 +78,7 @@ __all__ = [
     "Law",
     "LinearModel",
     "Measurement",
+    "ModalIntervals",
     "ModalMeasurement",
     "ModelError",
     "Modes",
@@ -81,6 +87,7 @@ __all__ = [
     "PlannedParameter",
     "PostureError",
     "Prior",
+    "Profile",
     "Progress",
     "Ranked",
     "Record",
@@ -92,15 +99,20 @@ __all__ = [
     "UpdateError",
     "candidates",
     "check",
+    "correlation",
+    "directions",
     "frf",
+    "frf_bands",
     "gain_margins",
     "linearize",
     "load",
     "mac",
+    "modal_intervals",
     "modes",
     "path",
     "peak_weights",
     "plan_measurement",
+    "profile",
     "read_csv",
     "read_frf",
     "read_uff",
@@ -139,9 +151,12 @@ _HOME = {
         "Fit", "FittedParameter", "Genetic", "Law", "Measurement", "ModalMeasurement", "Parameter", "Prior", "Progress",
         "Record", "peak_weights", "update",
     ),
+    "updating.bands": ("FrfBands", "ModalIntervals", "frf_bands", "modal_intervals"),
     "updating.candidates": ("Candidate", "candidates"),
+    "updating.directions": ("Direction", "correlation", "directions"),
     "updating.expected": ("PlannedParameter",),
     "updating.planning": ("Plan", "Ranked", "plan_measurement"),
+    "updating.profile": ("Profile", "profile"),
 }  # fmt: skip
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 

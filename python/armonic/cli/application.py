@@ -12,6 +12,7 @@ import typer
 from armonic import __version__
 from armonic.cli import INTERRUPTED, demo, export, fitting, mapping, model, planning, robots
 from armonic.cli.refusals import TyperUsageError, refuse
+from armonic.cli.sections import Sectioned
 from armonic.errors import ArmonicError
 
 app = typer.Typer(
@@ -33,7 +34,7 @@ for command in (
     robots.robots,
     demo.demo,
 ):
-    app.command()(command)
+    app.command(cls=Sectioned)(command)
 app.command("map")(mapping.map_)
 
 

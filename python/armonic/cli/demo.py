@@ -29,7 +29,8 @@ def demo(
     reports go into a folder; files of an earlier demo are overwritten.
     """
     from armonic import examples
-    from armonic.cli.fitting import deliver, run
+    from armonic.cli.delivery import deliver
+    from armonic.cli.fitting import run
     from armonic.files import read_frf
     from armonic.map_report import write_map_report
     from armonic.robot import load

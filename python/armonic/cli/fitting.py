@@ -1,116 +1,125 @@
-"""`armonic update`: measured responses and a robot file in, the updated robot and a report out."""
+"""`armonic update`: measured responses or modes and a robot file in, the updated robot and a report out."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from armonic.cli import INTERRUPTED, arguments
+from armonic.cli import arguments, problem
 from armonic.cli.arguments import ForceFlag, JsonFlag, RobotName, UsageError
+from armonic.cli.delivery import deliver
+from armonic.cli.measured import (
+    AxesOption,
+    InputsOption,
+    KindOption,
+    Many,
+    OutputsOption,
+    Reading,
+    ReferenceNodeOption,
+    ResponseNodeOption,
+    ResponsesOption,
+    ScaleOption,
+    SymmetrizeOption,
+    measurements,
+)
 from armonic.cli.outputs import check_output
-from armonic.cli.refusals import error_data, refuse
-from armonic.cli.terminal import fit_progress, line, print_json, remark, show
-from armonic.errors import ArmonicError
+from armonic.cli.terminal import fit_progress, remark
+from armonic.errors import ArmonicError, UpdateError
 
 if TYPE_CHECKING:
-    from armonic.response import Frf
     from armonic.robot import Robot
-    from armonic.updating import Fit, Measurement
+    from armonic.updating import Fit, Genetic, Measurement, ModalMeasurement
 
-Many = list[str]
-Axes = str | tuple[str, ...] | None
-
-
-@dataclass(frozen=True)
-class Reading:
-    """How measured files are to be read, where they do not say it themselves; None leaves it to the file."""
-
-    kind: str | None = None
-    scale: float | None = None
-    axes: str | None = None
-    outputs: str | None = None
-    inputs: str | None = None
-    responses: str | None = None
-    response_node: int | None = None
-    reference_node: int | None = None
-    band: str | None = None
-    symmetrize: str | None = None
-
-    def read(self, path: Path) -> list[Frf]:
-        """The responses of one file: its matrix, or each of `responses` by itself.
-
-        Raises:
-            UsageError: an option does not make sense.
-            DataFileError: the file does not hold a whole FRF matrix, or not these responses.
-            FrfError: an option does not fit the file.
-        """
-        if self.responses is None:
-            outputs = self.outputs and arguments.axes("--outputs", self.outputs)
-            inputs = self.inputs and arguments.axes("--inputs", self.inputs)
-            return [self._matrix(path, outputs, inputs)]
-        for option in ("outputs", "inputs", "symmetrize"):
-            if getattr(self, option) is not None:
-                raise UsageError("--responses", found=f"--{option} as well", expected="only one of them")
-        return [self._matrix(path, output, force) for output, force in arguments.responses(self.responses)]
-
-    def _matrix(self, path: Path, outputs: Axes, inputs: Axes) -> Frf:
-        from armonic.files import read_frf
-        from armonic.response import KINDS
-
-        options: dict[str, Any] = {
-            "kind": self.kind and arguments.choice("--kind", self.kind, KINDS),
-            "axes": self.axes and arguments.axis_map(self.axes),
-            "outputs": outputs,
-            "inputs": inputs,
-        }
-        universal = {
-            "scale": self.scale,
-            "response_node": self.response_node,
-            "reference_node": self.reference_node,
-        }
-        if path.suffix.lower() != ".csv":
-            options |= universal
-        elif given := [name for name, value in universal.items() if value is not None]:
-            option = f"--{given[0].replace('_', '-')}"
-            raise UsageError(option, found=f"the CSV file {path}", expected="universal files, which alone have it")
-        frf = read_frf(path, **options)
-        if self.band is not None:
-            frf = frf.band(*arguments.band(self.band))
-        if self.symmetrize is not None:
-            frf = frf.symmetrized(arguments.choice("--symmetrize", self.symmetrize, ("average", "upper", "lower")))
-        return frf
+_DATA, _WHAT, _HOW = "What was measured", "What is fitted", "How it is fitted"
+_OPTIONS = {
+    **{name: f"--{name}" for name in ("parameters", "bounds", "hold", "starts", "seed", "threads", "tolerance")},
+    **{"ties": "--tie", "laws": "--law", "priors": "--prior", "max_evaluations": "--max-evaluations"},
+    **{"Genetic.population": "--population", "Genetic.generations": "--generations"},
+}
+"""What the library's arguments are called here."""
 
 
 def update(
     robot: RobotName,
-    files: Annotated[list[Path], typer.Argument(metavar="FRF_FILE...", help="Measured responses: .uff or .csv.")],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="The updated robot file.")],
+    files: Annotated[
+        list[Path] | None, typer.Argument(metavar="FRF_FILE", help="Measured responses: .uff or .csv.")
+    ] = None,
     report: Annotated[
         Path | None,
         typer.Option("--report", metavar="FILE", help="A report as one HTML file that opens offline."),
     ] = None,
     posture: Annotated[
         Many | None,
-        typer.Option("--posture", metavar="P", help="Where it was measured; once for all files, or once per file."),
+        typer.Option(
+            "--posture",
+            metavar="P",
+            help="Where it was measured; once for all files, or once per file, those of --modes last.",
+            rich_help_panel=_DATA,
+        ),
     ] = None,
     frame: Annotated[
         Many | None,
         typer.Option(
             "--frame",
             metavar="F",
-            help="The sensor's frame; once, or once per file. Default: as in the file.",
+            help="The sensor's frame; once, or once per FRF file. Default: as in the file.",
+            rich_help_panel=_DATA,
         ),
     ] = None,
+    coherence: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--coherence",
+            metavar="FILE",
+            help="Coherence, which weighs every value; once per FRF file: .uff (it may be the same file),"
+            " or .csv with freq_hz,x/x,x/y,...",
+            rich_help_panel=_DATA,
+        ),
+    ] = None,
+    modes: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--modes",
+            metavar="FILE.csv",
+            help="Measured modes, alone or beside responses; repeatable. Columns: natural_freq_hz or damped_freq_hz;"
+            " damping_ratio or damping_percent; freq_deviation, damping_deviation (shares; 0.005 and 0.1 if absent).",
+            rich_help_panel=_DATA,
+        ),
+    ] = None,
+    weights: Annotated[
+        str,
+        typer.Option(
+            "--weights",
+            metavar="peaks|uniform",
+            help="Stress the peaks, or take every line alike.",
+            rich_help_panel=_DATA,
+        ),
+    ] = "peaks",
+    band: Annotated[
+        str | None,
+        typer.Option("--band", metavar="LO:HI", help="Fit these lines only, Hz.", rich_help_panel=_DATA),
+    ] = None,
+    kind: KindOption = None,
+    scale: ScaleOption = None,
+    axes: AxesOption = None,
+    outputs: OutputsOption = None,
+    inputs: InputsOption = None,
+    responses: ResponsesOption = None,
+    response_node: ResponseNodeOption = None,
+    reference_node: ReferenceNodeOption = None,
+    symmetrize: SymmetrizeOption = None,
     parameters: Annotated[
         str,
         typer.Option(
             "--parameters",
             metavar="PATTERN,...",
-            help="What to fit: elasticity, stiffness, damping, or paths as links.arm.elasticity.*.stiffness.",
+            help="elasticity, stiffness, damping, or paths as links.arm.elasticity.*.stiffness; also any other number:"
+            " links.arm.mass, links.*.com.x, control.kp.",
+            rich_help_panel=_WHAT,
         ),
     ] = "elasticity",
     bounds: Annotated[
@@ -119,191 +128,220 @@ def update(
             "--bounds",
             metavar="PATTERN=LO:HI",
             help="Bounds in SI units, within those of the robot file; repeatable."
-            " Default: those, or a factor of 1000 either way.",
+            " Default: those, or a factor of 1000 either way (10 for masses and the like).",
+            rich_help_panel=_WHAT,
         ),
     ] = None,
-    weights: Annotated[
-        str,
-        typer.Option("--weights", metavar="peaks|uniform", help="Stress the peaks, or take every line alike."),
-    ] = "peaks",
-    band: Annotated[str | None, typer.Option("--band", metavar="LO:HI", help="Fit these lines only, Hz.")] = None,
-    symmetrize: Annotated[
-        str | None,
-        typer.Option("--symmetrize", metavar="HOW", help="Make H reciprocal: average, upper or lower triangle."),
-    ] = None,
-    max_evaluations: Annotated[
-        int, typer.Option("--max-evaluations", metavar="N", help="Stop after so many evaluations.")
-    ] = 1000,
-    kind: Annotated[
-        str | None,
-        typer.Option("--kind", metavar="KIND", help="Measured receptance, mobility or accelerance."),
-    ] = None,
-    scale: Annotated[
-        float | None,
-        typer.Option("--scale", metavar="X", help="Factor from the file's values to SI; 9.80665 from g."),
-    ] = None,
-    axes: Annotated[
-        str | None,
-        typer.Option("--axes", metavar="PAIRS", help="Axes of the file onto those of the frame: x:-z,z:x."),
-    ] = None,
-    outputs: Annotated[
-        str | None, typer.Option("--outputs", metavar="AXES", help="Use only these axes of the response.")
-    ] = None,
-    inputs: Annotated[
-        str | None, typer.Option("--inputs", metavar="AXES", help="Use only these axes of the force.")
-    ] = None,
-    responses: Annotated[
-        str | None,
+    hold: Annotated[
+        Many | None,
         typer.Option(
-            "--responses",
-            metavar="OUT/IN,...",
-            help="Use only these responses, one by one, as of a file that lacks some: x/x,y/y,z/z.",
+            "--hold",
+            metavar="PATTERN[=VALUE]",
+            help="Leave these as they are, or at that value; repeatable.",
+            rich_help_panel=_WHAT,
         ),
     ] = None,
-    response_node: Annotated[
-        int | None, typer.Option("--response-node", metavar="N", help="The node of the response, of several.")
+    tie: Annotated[
+        Many | None,
+        typer.Option(
+            "--tie",
+            metavar="PATTERN,PATTERN",
+            help="Let these share one value, as of equal gears; repeatable.",
+            rich_help_panel=_WHAT,
+        ),
     ] = None,
-    reference_node: Annotated[
-        int | None, typer.Option("--reference-node", metavar="N", help="The node of the force, of several.")
+    prior: Annotated[
+        Many | None,
+        typer.Option(
+            "--prior",
+            metavar="PATTERN=SHARE[@VALUE]",
+            help="Known beforehand to this relative deviation, 20% or 0.2, about the robot's value or another;"
+            " repeatable. Of numbers that may be negative a deviation in SI units.",
+            rich_help_panel=_WHAT,
+        ),
+    ] = None,
+    law: Annotated[
+        Many | None,
+        typer.Option(
+            "--law",
+            metavar="PATTERN=COORDINATE",
+            help="A stiffness or damping that changes in proportion to a joint coordinate, as arm.z,"
+            " or to the load of its joint: torque; repeatable.",
+            rich_help_panel=_WHAT,
+        ),
+    ] = None,
+    method: Annotated[
+        str,
+        typer.Option(
+            "--method",
+            metavar="NAME",
+            help="continuation needs no good start; least-squares goes straight down from the robot's values; genetic"
+            " is the procedure of Huynh et al. 2021.",
+            rich_help_panel=_HOW,
+        ),
+    ] = "continuation",
+    cost: Annotated[
+        str,
+        typer.Option(
+            "--cost",
+            metavar="NAME",
+            help="Differences of logarithms: logarithmic; or shares of the measured values: relative.",
+            rich_help_panel=_HOW,
+        ),
+    ] = "logarithmic",
+    loss: Annotated[
+        str,
+        typer.Option(
+            "--loss",
+            metavar="NAME",
+            help="squares, or against values that are far off huber or cauchy.",
+            rich_help_panel=_HOW,
+        ),
+    ] = "squares",
+    starts: Annotated[
+        int,
+        typer.Option(
+            "--starts",
+            metavar="N",
+            help="The robot's values and N - 1 random starts within the bounds; the best is kept.",
+            rich_help_panel=_HOW,
+        ),
+    ] = 1,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Seed of all chance.", rich_help_panel=_HOW)] = 0,
+    threads: Annotated[
+        int | None,
+        typer.Option(
+            "--threads", metavar="N", help="For several starts. Default: one per processor.", rich_help_panel=_HOW
+        ),
+    ] = None,
+    tolerance: Annotated[
+        float,
+        typer.Option(
+            "--tolerance",
+            metavar="X",
+            help="Relative change of cost and step at which the fit has converged.",
+            rich_help_panel=_HOW,
+        ),
+    ] = 1e-10,
+    max_evaluations: Annotated[
+        int | None,
+        typer.Option(
+            "--max-evaluations",
+            metavar="N",
+            help="Stop each start after so many. Default: 1000, of the genetic method 200000.",
+            rich_help_panel=_HOW,
+        ),
+    ] = None,
+    population: Annotated[
+        int | None,
+        typer.Option("--population", metavar="N", help="Of the genetic method. Default: 100.", rich_help_panel=_HOW),
+    ] = None,
+    generations: Annotated[
+        int | None,
+        typer.Option("--generations", metavar="N", help="Of each genetic stage. Default: 20.", rich_help_panel=_HOW),
+    ] = None,
+    checkpoint: Annotated[
+        Path | None,
+        typer.Option(
+            "--checkpoint",
+            metavar="FILE",
+            help="Keep the state of the run in this file; if it is there, go on from it.",
+            rich_help_panel=_HOW,
+        ),
     ] = None,
     force: ForceFlag = False,
     as_json: JsonFlag = False,
 ) -> int:
-    """Fit joint stiffness and damping to measured responses."""
+    """Fit stiffness, damping or any numbers to measurements.
+
+    Ctrl-C ends a fit and writes the best that it has found. With --checkpoint a fit that was ended in whatever way goes
+    on, to the same result, when the command is typed again.
+    """
+    frf_files, modal_files = files or [], modes or []
+    if not frf_files and not modal_files:
+        raise UsageError("armonic update", found="no measured file", expected="FRF_FILE..., --modes FILE, or both")
     limits = arguments.bounds(bounds or ())
     stress = arguments.choice("--weights", weights, ("peaks", "uniform"))
-    if max_evaluations < 1:
-        raise UsageError("--max-evaluations", found=str(max_evaluations), expected="at least 1")
+    by = arguments.choice("--method", method, ("continuation", "least-squares", "genetic"))
+    options: dict[str, Any] = {
+        "cost": arguments.choice("--cost", cost, ("logarithmic", "relative")),
+        "loss": arguments.choice("--loss", loss, ("squares", "huber", "cauchy")),
+        "method": by.replace("-", "_"),
+        "genetic": _genetic(by, population, generations, starts),
+        **{"starts": starts, "seed": seed, "threads": threads, "tolerance": tolerance},
+        **{"max_evaluations": max_evaluations, "checkpoint": checkpoint},
+    }
     reading = Reading(kind, scale, axes, outputs, inputs, responses, response_node, reference_node, band, symmetrize)
-    check_output("-o", output, force=force, sources=files)
+    sources = [*frf_files, *modal_files, *(coherence or ()), *([checkpoint] if checkpoint else [])]
+    check_output("-o", output, force=force, sources=sources)
     if report is not None:
-        check_output("--report", report, force=force, sources=[*files, output, Path(robot)])
+        check_output("--report", report, force=force, sources=[*sources, output, Path(robot)])
     the_robot = arguments.open_robot(robot)
-    measurements, labels = _measurements(the_robot, files, reading, posture or (), frame or (), stress)
-    fit = run(the_robot, measurements, parameters=parameters, bounds=limits, max_evaluations=max_evaluations)
+    measured, modal, labels = measurements(
+        the_robot,
+        frf_files,
+        reading,
+        posture or (),
+        frame or (),
+        stress,
+        coherence=coherence or (),
+        modes=modal_files,
+    )
+    the_robot, held = problem.hold(the_robot, hold or ())
+    options |= {"parameters": parameters, "bounds": limits, "hold": held, "ties": problem.ties(tie or ())}
+    options |= {"priors": problem.priors(the_robot, prior or ()), "laws": problem.laws(law or ())}
+    again = "the same command" if force else "the same command with --force"
+    try:
+        fit = run(the_robot, [*measured, *modal], **options)
+    except KeyboardInterrupt:
+        if checkpoint is not None and checkpoint.exists():
+            remark(f"interrupted: nothing was written, but the same command goes on from {checkpoint}")
+        raise
     if len(labels) != len(fit.postures):  # postures typed apart, but equal to the digits that a fit tells apart
         labels = list(fit.postures)
-    return deliver(fit, labels, output, report, as_json=as_json)
+    more = f"{again} goes on from {checkpoint}" if checkpoint is not None and checkpoint.exists() else ""
+    return deliver(fit, labels, output, report, as_json=as_json, more=more)
 
 
-def run(robot: Robot, measurements: Sequence[Measurement], **options: Any) -> Fit:
-    """The fit, under a progress bar."""
+def _genetic(method: str, population: int | None, generations: int | None, starts: int) -> Genetic | None:
+    """Options of the genetic method, if any are given.
+
+    Raises:
+        UsageError: an option that the method does not have, or out of range.
+    """
+    given = {"population": population, "generations": generations}
+    sizes: dict[str, Any] = {name: size for name, size in given.items() if size is not None}
+    if method == "genetic" and starts != 1:
+        raise UsageError("--starts", found=f"{starts} beside --method genetic", expected="one start, or another method")
+    if method != "genetic" and sizes:
+        raise UsageError(f"--{next(iter(sizes))}", found=f"it beside --method {method}", expected="--method genetic")
+    if not sizes:
+        return None
+    from armonic.updating import Genetic
+
+    try:
+        return Genetic(**sizes)
+    except UpdateError as error:
+        raise _typed(error) from error
+
+
+def _typed(error: UpdateError) -> ArmonicError:
+    """The error, with the name of the option that was typed."""
+    if error.where not in _OPTIONS:
+        return error
+    return UsageError(_OPTIONS[error.where], found=error.found, expected=error.expected, hint=error.hint)
+
+
+def run(robot: Robot, measured: Sequence[Measurement | ModalMeasurement], **options: Any) -> Fit:
+    """The fit, under a progress bar.
+
+    Raises:
+        ArmonicError: what the fit refuses, with the names of options.
+    """
     from armonic.updating import update as compute
 
     with fit_progress() as progress:
-        return compute(robot, measurements, progress=progress, **options)
-
-
-def deliver(
-    fit: Fit,
-    postures: Sequence[str],
-    robot: Path,
-    report: Path | None,
-    *,
-    as_json: bool,
-    true_values: Mapping[str, float] | None = None,
-) -> int:
-    """Write and show a fit: robot, tables, report, so that what fails loses nothing that came before.
-
-    Args:
-        fit: the result.
-        postures: what to call each of `fit.postures`.
-        robot: where the updated robot goes.
-        report: where the report goes, if one is wanted.
-        as_json: print one JSON object, at the end, instead of tables.
-        true_values: values by path, to be shown beside.
-
-    Returns:
-        The exit code.
-    """
-    from armonic.cli.results import fit_data, fit_tables
-
-    written: dict[str, str] = {}
-    failure: ArmonicError | OSError | None = None
-    try:  # before the tables, which end the process if nobody reads them, as under `| head`
-        fit.robot.save(robot)
-        written["robot"] = str(robot)
-    except (ArmonicError, OSError) as error:
-        failure = error
-    if not as_json:
-        show(*fit_tables(fit, postures, true_values), "")
-    try:
-        if report is not None and failure is None:
-            _write_report(fit, report, robot)
-            written["report"] = str(report)
-    except (ArmonicError, OSError) as error:
-        failure = error
-    finally:  # also if the report ends in an exception that nobody foresaw
-        if as_json:
-            ending = {"written": written} | ({"error": error_data(failure)} if failure else {})
-            print_json(fit_data(fit, postures, true_values) | ending)
-        elif written:
-            advice = ": open the report in a browser" if "report" in written else ""
-            line(f"Wrote {' and '.join(written.values())}{advice}.")
-    if failure is not None:
-        return refuse(failure, as_json=False)
-    if fit.status != "interrupted":
-        return 0
-    remark(f"interrupted: the best of {fit.evaluations} evaluations was kept and written")
-    return INTERRUPTED
-
-
-def _write_report(fit: Fit, report: Path, robot: Path) -> None:
-    from armonic.report import write_report
-
-    try:
-        write_report(fit, report)
-    except (ArmonicError, OSError) as error:
-        found = error_data(error)["found"] or type(error).__name__
-        raise ArmonicError(
-            f"--report {report}",
-            found=found,
-            expected="a report that can be written",
-            hint=f"The updated robot is safe in {robot}.",
-        ) from error
-
-
-def _measurements(
-    robot: Robot,
-    files: Sequence[Path],
-    reading: Reading,
-    postures: Sequence[str],
-    frames: Sequence[str],
-    weights: str,
-) -> tuple[list[Measurement], list[str]]:
-    """One measurement per file or single response, and a label for each posture in the order of the fit's."""
-    from armonic.updating import Measurement
-
-    wheres = arguments.one_for_each("--posture", postures, files)
-    sensors = arguments.one_for_each("--frame", frames, files)
-    measurements: list[Measurement] = []
-    labels: dict[str | bytes, str] = {}
-    for path, where, sensor in zip(files, wheres, sensors, strict=True):
-        posture, label = arguments.posture(robot, where)
-        key = posture if isinstance(posture, str) else posture.tobytes()
-        labels.setdefault(key, label)
-        measurements += [
-            Measurement(
-                frf,
-                posture=posture,
-                frame=_sensor(robot, path, frf, sensor),
-                weights=weights,
-                label=path.name,
-            )
-            for frf in reading.read(path)
-        ]
-    return measurements, list(labels.values())
-
-
-def _sensor(robot: Robot, path: Path, frf: Frf, typed: str | None) -> str:
-    """The frame as typed, as noted in the file, or the robot's only one."""
-    if typed is None and frf.frame is not None:
-        if frf.frame not in robot.frames:
-            raise UsageError(
-                str(path),
-                found=f"a sensor frame {frf.frame!r}",
-                expected=f"one of the robot's: {', '.join(robot.frames)}",
-                hint="Say with --frame where the sensor sat.",
-            )
-        return frf.frame
-    return arguments.frame(robot, typed)
+        try:
+            return compute(robot, measured, progress=progress, **options)
+        except UpdateError as error:
+            raise _typed(error) from error

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from armonic.cli import arguments, ranges
+from armonic.cli import arguments, problem, ranges
 from armonic.cli.arguments import ForceFlag, JsonFlag, RobotName, UsageError
-from armonic.cli.fitting import Many, Reading, _measurements
+from armonic.cli.measured import Many, Reading, measurements
 from armonic.cli.outputs import check_output
 from armonic.cli.plan_results import plan_data, plan_tables, write_ranking
 from armonic.cli.terminal import line, print_json, show
@@ -38,7 +38,7 @@ def plan(
     robot: RobotName,
     files: Annotated[
         list[Path] | None,
-        typer.Argument(metavar="[FRF_FILE...]", help="What the robot was fitted to: .uff or .csv."),
+        typer.Argument(metavar="FRF_FILE", help="What the robot was fitted to: .uff or .csv."),
     ] = None,
     posture: Annotated[
         Many | None,
@@ -148,12 +148,13 @@ def plan(
 
     by = arguments.choice("--criterion", criterion, CRITERIA)
     lines = None if freq is None else arguments.lines(freq)
-    limits, known = arguments.bounds(bounds or ()), _priors(prior or ())
-    share = None if noise is None else _share("--noise", noise)
+    limits = arguments.bounds(bounds or ())
+    share = None if noise is None else problem.share("--noise", noise)
     read = files or []
     if output is not None:
         check_output("-o", output, force=force, sources=[*read, Path(robot)])
     the_robot = arguments.open_robot(robot)
+    known = problem.priors(the_robot, prior or ())
     reading = Reading(kind, scale, axes, outputs, inputs, responses, response_node, reference_node, band, symmetrize)
     measured = _measured(the_robot, read, reading, posture or (), frame or ())
     where = Where(candidates or (), grid or (), sample or (), samples, seed, base)
@@ -187,7 +188,7 @@ def _measured(
     robot: Robot, files: Sequence[Path], reading: Reading, postures: Sequence[str], frames: Sequence[str]
 ) -> list[Measurement]:
     if files:
-        return _measurements(robot, files, reading, postures, frames, "uniform")[0]
+        return measurements(robot, files, reading, postures, frames, "uniform")[0]
     for option, given in (("--posture", postures), ("--frame", frames)):
         if given:
             expected = "the FRF files that were measured there"
@@ -252,30 +253,3 @@ def _postures(robot: Robot, where: Where) -> Any:
         named = not any(part.startswith(tuple("+-.0123456789")) for part in parts)
         found_all += [arguments.posture(robot, part)[0] for part in (parts if named else [text])]
     return found_all
-
-
-def _share(option: str, text: str) -> float:
-    """A share as 0.01 or 1%.
-
-    Raises:
-        UsageError: it is no positive number.
-    """
-    bare = text.strip()
-    try:
-        value = float(bare[:-1]) / 100 if bare.endswith("%") else float(bare)
-    except ValueError:
-        value = 0.0
-    if not 0 < value < float("inf"):
-        raise UsageError(option, found=repr(text), expected="a positive share, such as 0.01 or 1%")
-    return value
-
-
-def _priors(texts: Sequence[str]) -> dict[str, float]:
-    found = {}
-    for text in texts:
-        pattern, equals, share = text.rpartition("=")
-        if not (equals and pattern.strip()):
-            expected = "PATTERN=SHARE, such as 'links.arm.*.damping=0.5'"
-            raise UsageError("--prior", found=repr(text), expected=expected)
-        found[pattern.strip()] = _share("--prior", share)
-    return found

@@ -176,6 +176,7 @@ def update(
         method=method,
         doubts=doubtful,
         record=record,
+        task=task,
         measurements=responses,
         modal_measurements=modal,
         postures=tuple(places[i].posture for i in order),

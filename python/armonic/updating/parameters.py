@@ -168,7 +168,7 @@ def listed(given: object, where: str, expected: str) -> list[Any]:
 def _parameter(robot: Robot, path: str, start: float, given: Bounds, impedances: tuple[str, ...]) -> Parameter:
     indices = _indices(path, impedances)
     unit, of_file = robot.unit(path), robot.bounds(path)
-    positive = bool(indices) or (start > 0 and _is_positive(path))
+    positive = bool(indices) or is_positive(path, start)
     if positive and not start > 0:
         raise UpdateError(
             path,
@@ -191,9 +191,11 @@ def _parameter(robot: Robot, path: str, start: float, given: Bounds, impedances:
     return Parameter(path, (path,), unit, start, lower, upper, "linear", (upper - lower) / 10)
 
 
-def _is_positive(path: str) -> bool:
+def is_positive(path: str, value: float) -> bool:
+    """Whether a number is fitted by its logarithm, which one that may be zero or negative does not have."""
     words = path.split(".")
-    return words[-1] in POSITIVE or (words[0] == "control" and words[1] in POSITIVE)
+    place = {"control": 1, "bushings": -2}.get(words[0], -1)
+    return value > 0 and (words[-1] in POSITIVE or words[place] in POSITIVE)
 
 
 def _default_bounds(start: float, unit: str, *, positive: bool, impedance: bool) -> tuple[float, float]:

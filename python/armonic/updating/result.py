@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from armonic.updating.parameters import Parameter
     from armonic.updating.record import Record
     from armonic.updating.stages import StageEnd
+    from armonic.updating.task import Task
     from armonic.updating.trust_region import Ending
     from armonic.updating.uncertainty import FittedParameter
 
@@ -58,6 +59,7 @@ class Fit:
         method: "continuation", "least_squares" or "genetic".
         doubts: what speaks against trusting verdicts and intervals, in full sentences; empty if nothing does.
         record: what went in, for the files.
+        task: measurements, models and parameters together, as the fit worked with them.
         duration_s: from call to return, wall clock.
         measurements: responses that were fitted.
         modal_measurements: modes that were fitted.
@@ -86,6 +88,7 @@ class Fit:
     method: Method
     doubts: tuple[str, ...]
     record: Record
+    task: Task
     duration_s: float
     measurements: tuple[Measurement, ...]
     modal_measurements: tuple[ModalMeasurement, ...]

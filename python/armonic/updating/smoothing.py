@@ -34,7 +34,8 @@ TAIL_NODES = 32
 def ladder(freq_hz: Array) -> tuple[float, ...]:
     """The values of σ that a continuation goes down, rad/s, falling; none if the lines are too few for any.
 
-    They fall geometrically from a fifth of the band to a twentieth of that, but not below what the lines resolve.
+    They fall geometrically from a fifth of the band, taken to begin at 0 Hz, to a twentieth of that, but not below what
+    the lines resolve.
 
     Args:
         freq_hz: the lines, rising, (L,).
@@ -69,7 +70,7 @@ def smoothed(
     H(σ+iω) = 1/π ∫ H(iω') σ/((ω−ω')² + σ²) dω'. It is the mobility that is smoothed: a noise floor of the accelerance
     would swell at low frequencies in the receptance, and the accelerance does not fall off above the band. There the
     mobility is taken to fall as 1/ω (free masses), below the band to keep its first value. The bells are normalized, so
-    that a constant stays what it is.
+    that it stays a mean where lines are too coarse for them.
 
     Args:
         freq_hz: the lines, rising, (L,).
@@ -89,7 +90,7 @@ def smoothed(
     out = np.ones(shape, complex)
     for pair in np.ndindex(mobility.shape[1:]):
         kept = used[(slice(None), *pair)]
-        if np.count_nonzero(kept) >= 2:
+        if kept.any() and lines[kept][-1] > 0:
             values = mobility[(kept, *pair)][:, None]
             out[(slice(None), *pair)] = _smoothed(wanted, lines[kept], values, sigma)[:, 0]
     return out

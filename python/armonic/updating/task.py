@@ -133,7 +133,7 @@ class Task:
         """
         m = self.measurements[k]
         power = {"receptance": 0, "mobility": 1, "accelerance": 2}[m.frf.kind]
-        points: Complex = 2j * np.pi * m.frf.freq_hz
+        points = np.asarray(2j * np.pi * m.frf.freq_hz, np.complex128)
         kept = np.flatnonzero((points != 0) | (power == 0))
         points, values = points[kept], m.frf.values[kept]
         if sigma == 0:
