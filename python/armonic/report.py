@@ -93,19 +93,23 @@ def render(fit: Fit, *, title: str | None = None) -> str:
 
 def _tiles(fit: Fit) -> list[tuple[str, str, str]]:
     """The figures to read first: name, value, and what it was before or rests on."""
-    measured = [m.frf for m in fit.measurements]
-    after, before = (_deviation(measured, side) for side in (fit.frf_after, fit.frf_before))
     good = text.verdict_counts(fit)["identified"]
     effort = f"{text.count(fit.evaluations, 'evaluation')} in {text.format_duration(fit.duration_s)}"
+    cost = ("Cost", text.format_si(fit.cost), f"{text.format_si(fit.start_cost)} before")
+    determined = ("Parameters identified", f"{good} of {len(fit.parameters)}", effort)
+    if not fit.measurements:  # of modes alone
+        return [cost, determined]
+    measured = [m.frf for m in fit.measurements]
+    after, before = (_deviation(measured, side) for side in (fit.frf_after, fit.frf_before))
     return [
-        ("Cost", text.format_si(fit.cost), f"{text.format_si(fit.start_cost)} before"),
+        cost,
         (
             "Median deviation, magnitude",
             text.format_percent(after[0]),
             f"{text.format_percent(before[0])} before",
         ),
         ("Median deviation, phase", _degrees(after[1]), f"{_degrees(before[1])} before"),
-        ("Parameters identified", f"{good} of {len(fit.parameters)}", effort),
+        determined,
     ]
 
 

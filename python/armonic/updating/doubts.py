@@ -103,3 +103,25 @@ def nothing_identified(parameters: Sequence[FittedParameter], noise: float) -> t
         f"Nothing is identified: with a noise of {100 * noise:.2g} % these data narrow no parameter down. Use more or "
         "cleaner lines, hold some parameters, or give priors.",
     )
+
+
+def scatter(measurements: Sequence[Measurement], weights: Sequence[Array]) -> float:
+    """Relative noise that the data show by themselves, without any model: how far lines lie beside their neighbours.
+
+    ln H_(k−1) − 2 ln H_k + ln H_(k+1) has √6 times the deviation of one part; the median passes over the peaks, where
+    the response itself bends. On coarse lines what bends everywhere adds to it.
+
+    Args:
+        measurements: what was fitted.
+        weights: weight of every value; those of zero are left out.
+    """
+    found = []
+    for m, weight in zip(measurements, weights, strict=True):
+        H = np.where((weight > 0) & (m.frf.values != 0), m.frf.values, np.nan)
+        if len(H) < 3:
+            continue
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            bend = np.log(H[:-2] / H[1:-1] * (H[2:] / H[1:-1]))
+        found += [part[np.isfinite(part)] for part in (bend.real, bend.imag)]
+    sizes = np.abs(np.concatenate(found)) if found else np.zeros(0)
+    return float(np.median(sizes) / (0.6745 * np.sqrt(6))) if sizes.size else np.inf

@@ -30,6 +30,9 @@ RETRIES = 4
 """Random starts that are tried when a fit does not explain the data."""
 
 
+NEARBY = float(np.log(3.0))
+
+
 @dataclass(frozen=True)
 class Progress:
     """How far a fit has come.
@@ -85,9 +88,12 @@ class Watcher:
             raise
 
 
-def random_start(task: Task, seed: int, index: int) -> Array:
-    """X drawn evenly from within the bounds, (c,); number `index` of a seed."""
-    return np.random.default_rng([seed, index]).uniform(*task.box)
+def random_start(task: Task, seed: int, index: int, near: Array | None = None) -> Array:
+    """Draws x evenly from within the bounds, or a factor of three about a point, (c,); number `index` of a seed."""
+    lower, upper = task.box
+    if near is not None:
+        lower, upper = np.maximum(lower, near - NEARBY), np.minimum(upper, near + NEARBY)
+    return np.random.default_rng([seed, index]).uniform(lower, upper)
 
 
 def run_starts(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from armonic.errors import ModelError
-from armonic.updating.doubts import doubts
+from armonic.updating.doubts import doubts, scatter
 from armonic.updating.genetic import Genetic
 from armonic.updating.judging import robust
 from armonic.updating.models import models_at, responses_like
@@ -32,6 +32,9 @@ REWEIGHTINGS = 10
 """Most rounds in which weights that depend on the outcome settle."""
 FIRST_NOISE = 0.01
 """Relative noise that is expected before any residual has told it."""
+ASTRAY = 3.0
+"""A residual so many times what the data scatter by themselves is worth another start: the minimum may be a local one,
+or the model too simple."""
 LEAST_ANCHOR = 1e-12
 SETTLED = 0.01
 """Weights and anchors that change by less from round to round have settled."""
@@ -129,7 +132,7 @@ class Search:
             for k in range(1, retries + 1):
                 if not self._is_astray(best):
                     break
-                points.append(random_start(task, self.seed, k))
+                points.append(random_start(task, self.seed, k, near=best.x if k % 2 else None))
                 again = run_starts(task, stages, points, **options, done=runs)  # type: ignore[arg-type]
                 runs += again
                 best = _better(best, self._count(again))
@@ -144,9 +147,11 @@ class Search:
         return replace(best, status="interrupted") if any(run.status == "interrupted" for run in runs) else best
 
     def _is_astray(self, run: Run) -> bool:
-        """Whether a run that had its chance ended where the model does not explain the data."""
+        """Whether a run that had its chance ended where the model does not explain the data, or not to their noise."""
         had = run.status == "converged" or (run.status == "limit" and run.evaluations >= FAIR)
-        return had and not self._explains(run.x)
+        if not had or not self.task.measurements:
+            return False
+        return not self._explains(run.x) or self._noise(run.x) > ASTRAY * scatter(self.task.measurements, self.weights)
 
     def _explains(self, x: Array) -> bool:
         task = self.task
