@@ -93,7 +93,7 @@ def test_frf_refuses(armonic: Armonic, tmp_path: Path, words: tuple[str, ...], s
     ("words", "said"),
     [
         (("update", TRUE, MEASURED), "Missing option '-o'"),
-        (("update", TRUE, "-o", "new.yaml"), "Missing argument 'FRF_FILE...'"),
+        (("update", TRUE, "-o", "new.yaml"), "found no measured file, expected FRF_FILE..., --modes FILE"),
         (("update", TRUE, "nothing.uff", "-o", "new.yaml"), "nothing.uff: found No such file"),
         (("update", TRUE, TRUE, "-o", "new.yaml"), "found the ending '.yaml'"),
         (("update", TRUE, MEASURED, "-o", "nowhere/new.yaml"), "no folder"),

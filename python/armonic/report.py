@@ -164,8 +164,8 @@ def _parameter_row(p: FittedParameter) -> dict[str, str]:
         "unit": p.unit.replace(" ", "·"),
         "start": text.format_si(p.start),
         "value": text.format_si(p.value),
-        "interval": text.format_interval(*p.interval),
-        "bounds": text.format_interval(p.lower, p.upper),
+        "interval": text.format_interval(*p.interval, signed=p.scale == "linear"),
+        "bounds": text.format_interval(p.lower, p.upper, signed=p.scale == "linear"),
         "verdict": p.verdict,
     }
 

@@ -44,15 +44,16 @@ def _figures(value: float, digits: int) -> str:
     return f"{float(mantissa) * 10 ** (exponent - third):.{max(digits - 1 - exponent + third, 0)}f}e{third}"
 
 
-def format_interval(low: float, high: float) -> str:
+def format_interval(low: float, high: float, *, signed: bool = False) -> str:
     """An interval as "lo … hi" to 4 significant digits; "open" stands where the data give no end.
 
     Args:
-        low: lower end of a positive quantity; zero, minus infinity or NaN is open.
+        low: lower end; minus infinity or NaN is open, and of a positive quantity zero too.
         high: upper end; infinity or NaN is open.
+        signed: whether the quantity may be zero or negative.
 
     """
-    left = format_si(low) if math.isfinite(low) and low > 0 else "open"
+    left = format_si(low) if math.isfinite(low) and (signed or low > 0) else "open"
     right = format_si(high) if math.isfinite(high) else "open"
     return "open" if left == right == "open" else f"{left} … {right}"
 

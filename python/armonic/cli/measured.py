@@ -185,6 +185,10 @@ def measurements(
     """
     from armonic.updating import Measurement
 
+    typed = [name for name, value in vars(reading).items() if value is not None] + ["frame"] * bool(frames)
+    if not files and typed:
+        option = f"--{typed[0].replace('_', '-')}"
+        raise UsageError(option, found="it without FRF files", expected="responses, which alone have it")
     if len(coherence) not in (0, len(files)):
         expected = f"as many as there are FRF files, {len(files)}"
         raise UsageError("--coherence", found=f"{len(coherence)} of them", expected=expected)

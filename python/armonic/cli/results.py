@@ -44,10 +44,15 @@ def fit_tables(
         yield heading(f"Modes in posture {label}, before → after, paired by MAC")
         yield _modal_table(before, after, mac)
         yield ""
-    yield (
-        f"{summary(fit)} Model and measurement differ by about {format_percent(fit.noise, digits=2)} (one standard "
-        "deviation, equal weights); the intervals take that for noise that is the same share of every value."
-    )
+    if fit.measurements:
+        differ = (
+            f"Model and measurement differ by about {format_percent(fit.noise, digits=2)} (one standard deviation, "
+            "equal weights); the intervals take that for noise that is the same share of every value."
+        )
+    else:
+        times = format_si(fit.noise, digits=2)
+        differ = f"Modelled and measured modes differ by about {times} times the deviations that were stated."
+    yield f"{summary(fit)} {differ}"
     for doubt in fit.doubts:
         yield ""
         yield warning(doubt)
@@ -77,7 +82,7 @@ def _parameter_table(parameters: Sequence[FittedParameter], true_values: Mapping
                 format_si(p.start),
                 format_si(p.value),
                 *true,
-                format_interval(*p.interval),
+                format_interval(*p.interval, signed=p.scale == "linear"),
                 Text(p.verdict, style=VERDICT_STYLE[p.verdict]),
             )
     return grid
@@ -126,12 +131,24 @@ def fit_data(fit: Fit, postures: Sequence[str], true_values: Mapping[str, float]
     return {
         "status": fit.status,
         "message": fit.message,
+        "method": fit.method,
         "cost": fit.cost,
         "start_cost": fit.start_cost,
         "evaluations": fit.evaluations,
+        "stages": [
+            {
+                "name": stage.name,
+                "sigma": stage.sigma,
+                "evaluations": len(stage.history),
+                "cost": stage.history[-1] if len(stage.history) else None,
+            }
+            for stage in fit.stages
+        ],
+        "starts": list(fit.starts),
         "noise": fit.noise,
         "doubts": list(fit.doubts),
         "duration_s": fit.duration_s,
+        "record": fit.record.as_dict(),
         "parameters": [
             {
                 "path": p.path,
@@ -141,6 +158,9 @@ def fit_data(fit: Fit, postures: Sequence[str], true_values: Mapping[str, float]
                 "bounds": [p.lower, p.upper],
                 "interval": list(p.interval),
                 "verdict": p.verdict,
+                "scale": p.scale,
+                "deviation": p.deviation,
+                "tied": list(p.tied),
                 **({} if true_values is None else {"true": true_values.get(p.path)}),
             }
             for p in fit.parameters

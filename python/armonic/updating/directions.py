@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from armonic.text import split_path
+from armonic.text import format_percent, format_si, listing, split_path
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,15 +19,24 @@ if TYPE_CHECKING:
 
     Array: TypeAlias = NDArray[np.float64]
 
-UNSEEN = 1e-18
-"""An eigenvalue of the information below this share of the largest is what rounding leaves of none."""
+UNSEEN = 1e-13
+"""An eigenvalue of the information, scaled to a unit diagonal, below this is what rounding leaves of none."""
+BLIND = 1e-9
+"""A parameter with less than this share of the largest root of information is not seen at all."""
 LEADING = 0.35
 """Parameters with less than this share of the largest weight are not named."""
-NAMED = 3
+NAMED = 4
 ALONE = 0.9
 """A parameter with this share of a direction's square is the direction."""
-NORMAL_95 = 1.96
+NORMAL_95 = 1.959963984540054
+KNOWN_FACTOR = 1.25
+"""What lies within this factor is known, not open."""
 OPEN_FACTOR = 1e4
+"""What is open by more than this is open altogether."""
+MUCH_BETTER = 4.0
+"""A combination is worth a word if it is known so many times better than what it is made of."""
+PLAIN = 1.5
+"""A product or ratio stands for a direction if it is known at most so many times worse than the direction itself."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +46,7 @@ class Direction:
     Attributes:
         deviation: standard deviation of x along it; infinite if the data do not see it.
         weights: the unit direction in x, (c,), its largest entry positive.
-        words: which parameters it is made of, and how far it is open.
+        words: which parameters it is made of, how far it is open, and what of them is known nevertheless.
     """
 
     deviation: float
@@ -49,21 +58,24 @@ def directions(fit: Fit) -> tuple[Direction, ...]:
     """The principal directions of a fit's information, from the best determined to the least.
 
     Stiff ones have a small deviation: whatever the parameters are, this combination of them is known. Along sloppy ones
-    parameters may change together without the data noticing (Gutenkunst et al. 2007).
+    parameters may change together without the data noticing (Gutenkunst et al., *Universally sloppy parameter
+    sensitivities in systems biology models*, PLoS Computational Biology 2007). Under equal weights; a fit that
+    emphasizes peaks knows somewhat less.
 
     Args:
         fit: what `armonic.update` returned.
     """
-    values, vectors = np.linalg.eigh(fit.information)
-    order = np.argsort(values)[::-1]
-    largest = values[order[0]] if len(values) else 0.0
-    found = []
-    for i in order:
-        seen = values[i] > UNSEEN * largest and values[i] > 0
-        deviation = float(1 / np.sqrt(values[i])) if seen else np.inf
-        weights = vectors[:, i] * np.sign(vectors[np.argmax(np.abs(vectors[:, i])), i])
-        found.append(Direction(deviation, weights, _words(fit.coordinates, weights, deviation)))
-    return tuple(found)
+    parameters, information = fit.coordinates, np.asarray(fit.information, float)
+    rest, blind = _split(information)
+    values, vectors = np.linalg.eigh(rest.T @ information @ rest)
+    spread = 1 / np.sqrt(np.maximum(values[::-1], np.finfo(float).tiny))
+    seen = (rest @ vectors)[:, ::-1]
+    roots = seen * spread
+    found = [*zip(spread.tolist(), seen.T, strict=True), *((np.inf, column) for column in blind.T)]
+    return tuple(
+        Direction(deviation, weights, _words(parameters, weights, deviation, roots, blind))
+        for deviation, weights in ((deviation, _largest_positive(weights)) for deviation, weights in found)
+    )
 
 
 def correlation(covariance: Array) -> Array:
@@ -73,51 +85,140 @@ def correlation(covariance: Array) -> Array:
         covariance: (c, c).
     """
     spread = np.sqrt(np.diag(covariance))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        matrix = covariance / np.outer(spread, spread)
-    blind = ~np.isfinite(spread)
-    matrix[blind] = np.nan
-    matrix[:, blind] = np.nan
+    usable = np.isfinite(spread) & (spread > 0)
+    matrix = np.full(covariance.shape, np.nan)
+    scale = spread[usable]
+    matrix[np.ix_(usable, usable)] = covariance[np.ix_(usable, usable)] / scale / scale[:, None]
     np.fill_diagonal(matrix, 1.0)
     return np.asarray(np.clip(matrix, -1.0, 1.0))
 
 
-def _words(parameters: Sequence[Parameter], weights: Array, deviation: float) -> str:
+def _split(information: Array) -> tuple[Array, Array]:
+    """Orthonormal bases of the directions that the data see, (c, s), and of those that they do not, (c, c − s).
+
+    A parameter that nothing depends on is a direction by itself; of trades between others rounding is told apart in
+    units in which each parameter is known equally well.
+    """
+    count = len(information)
+    scale = np.sqrt(np.maximum(np.diag(information), 0.0))
+    seen = np.flatnonzero(scale > BLIND * scale.max(initial=0.0))
+    alone = np.eye(count)[:, np.setdiff1d(np.arange(count), seen)]
+    if not len(seen):
+        return np.zeros((count, 0)), np.eye(count)
+    inner = np.eye(count)[:, seen]
+    values, vectors = np.linalg.eigh(information[np.ix_(seen, seen)] / scale[seen] / scale[seen, None])
+    null = vectors[:, values < UNSEEN] / scale[seen, None]
+    if not null.size:
+        return inner, alone
+    basis = np.linalg.qr(null, mode="complete")[0]
+    k = null.shape[1]
+    return inner @ basis[:, k:], np.hstack([inner @ basis[:, :k], alone])
+
+
+def _largest_positive(weights: Array) -> Array:
+    return np.asarray(weights * np.sign(weights[np.argmax(np.abs(weights))]))
+
+
+def _words(parameters: Sequence[Parameter], weights: Array, deviation: float, roots: Array, blind: Array) -> str:
     size = np.abs(weights)
-    order = np.argsort(size)[::-1]
-    weights = weights * np.sign(weights[order[0]])
-    names = [_name(p) for p in parameters]
-    first = names[order[0]]
-    reach = NORMAL_95 * deviation * size[order[0]]
+    order = np.argsort(-size, kind="stable")
+    lead = parameters[order[0]]
+    reach = NORMAL_95 * deviation * float(size[order[0]])
     if size[order[0]] ** 2 >= ALONE:
-        return f"{first} {_how_far(parameters[order[0]], reach, one=True)}"
-    others = [i for i in order[1 : NAMED + 1] if size[i] >= LEADING * size[order[0]]]
-    against = [names[i] for i in others if weights[i] < 0]
-    along = [names[i] for i in others if weights[i] > 0]
-    subject = _list([first, *along])
+        return f"{_name(lead)} {_how_far(lead, reach, alone=True)}"
+    named = [int(i) for i in order[:NAMED] if size[i] >= LEADING * size[order[0]]]
+    logs = all(parameters[i].scale == "log" for i in named)
+    if len(named) > 1 and reach < np.log(KNOWN_FACTOR) and logs:
+        known = _known(parameters, weights, named, deviation, roots, blind)
+        if known:
+            return known
+    along = [_name(parameters[i]) for i in named if weights[i] > 0]
+    against = [_name(parameters[i]) for i in named if weights[i] < 0]
+    far = _how_far(lead, reach, alone=False)
+    if len(named) == 1:
+        return f"{along[0]} with small parts of many others, {far}"
     if against:
-        verb = "trade" if along else "trades"
-        return f"{subject} {verb} against {_list(against)}, {_how_far(parameters[order[0]], reach, one=False)}"
-    if along:
-        return f"{subject} rise together, {_how_far(parameters[order[0]], reach, one=False)}"
-    return f"mostly {first}, {_how_far(parameters[order[0]], reach, one=False)}"
+        told = f"{listing(along)} {'trade' if len(along) > 1 else 'trades'} against {listing(against)}, {far}"
+    else:
+        told = f"{listing(along)} rise and fall together, {far}"
+    nevertheless = _nevertheless(parameters, weights, named, reach, roots, blind) if len(named) == 2 and logs else ""
+    return f"{told}{nevertheless}"
+
+
+def _known(
+    parameters: Sequence[Parameter], weights: Array, named: Sequence[int], deviation: float, roots: Array, blind: Array
+) -> str:
+    """A stiff direction: the product or ratio that is known, if it is one of two parameters, or else of what it is."""
+    names = [_name(parameters[i]) for i in named]
+    if len(named) > 2:
+        return f"one combination of {listing(names)} is known to {_share(NORMAL_95 * deviation)}"
+    a, b = named
+    best = np.zeros(len(weights))
+    best[a], best[b] = 1.0, weights[b] / weights[a]
+    least = NORMAL_95 * deviation / abs(weights[a])
+    for exponents in (np.sign(best), _rounded(best)):
+        reach = _reach(exponents, roots, blind)
+        if reach <= PLAIN * least:
+            if abs(exponents[b]) == 1:
+                kind = "product" if exponents[b] > 0 else "ratio"
+                return f"the {kind} of {listing(names)} is known to {_share(reach)}"
+            return f"{_powers(names, exponents[named])} is known to {_share(reach)}"
+    return ""
+
+
+def _nevertheless(
+    parameters: Sequence[Parameter], weights: Array, pair: Sequence[int], reach: float, roots: Array, blind: Array
+) -> str:
+    """What is known of two parameters that are open: their product, their ratio, or one with an exponent."""
+    a, b = pair
+    names = [_name(parameters[i]) for i in pair]
+    best = np.zeros(len(weights))
+    best[a], best[b] = 1.0, -weights[a] / weights[b]  # across the direction, within the plane of the two
+    plain = np.sign(best)
+    for exponents in (plain, _rounded(best)):
+        left = _reach(exponents, roots, blind)
+        if left <= min(reach, np.log(OPEN_FACTOR)) / MUCH_BETTER:
+            what = f"their {'product' if best[b] > 0 else 'ratio'}"
+            return f"; {what if exponents is plain else _powers(names, exponents[[a, b]])} is known to {_share(left)}"
+    return ""
+
+
+def _rounded(exponents: Array) -> Array:
+    return np.array([float(f"{exponent:.2g}") for exponent in exponents])
+
+
+def _powers(names: Sequence[str], exponents: Array) -> str:
+    """A product of powers, the first of them one: "a.z stiffness × b.z stiffness^0.4"."""
+    (first, second), power = names, float(exponents[1])
+    return f"{first} {'×' if power > 0 else '/'} {second}^{abs(power):g}"
+
+
+def _reach(combination: Array, roots: Array, blind: Array) -> float:
+    """Half a 95 % interval of a combination of x; infinite if it changes along a direction that is not seen."""
+    if blind.size and np.abs(combination @ blind).max() > 1e-6 * np.linalg.norm(combination):
+        return float("inf")
+    return NORMAL_95 * float(np.linalg.norm(combination @ roots))
+
+
+def _share(reach: float) -> str:
+    """How well a quantity is known whose logarithm is known to so much."""
+    if reach < np.log(KNOWN_FACTOR):
+        return format_percent(float(np.expm1(reach)), digits=2)
+    return f"a factor of {format_si(float(np.exp(reach)), digits=2)}"
 
 
 def _name(p: Parameter) -> str:
     name, quantity = split_path(p.path)
-    tied = " (tied)" if len(p.paths) > 1 else ""
+    tied = f" ({len(p.paths)} tied)" if len(p.paths) > 1 else ""
     return f"{name} {quantity}".strip() + tied
 
 
-def _list(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
-
-
-def _how_far(p: Parameter, reach: float, *, one: bool) -> str:
+def _how_far(p: Parameter, reach: float, *, alone: bool) -> str:
     if not np.isfinite(reach) or (p.scale == "log" and reach > np.log(OPEN_FACTOR)):
-        return "is open: the data say nothing" if one else "and the data say nothing about it"
+        return "is open: the data say nothing" if alone else "and the data say nothing about it"
     if p.scale == "linear":
-        return f"{'is known to' if one else 'within'} ± {reach * p.size:.3g} {p.unit}".strip()
-    if reach < np.log(1.3):
-        return f"{'is known to' if one else 'within'} {100 * np.expm1(reach):.2g} %"
-    return f"{'is open by' if one else 'by'} a factor of {np.exp(reach):.2g} either way"
+        spread = f"± {format_si(reach * p.size, p.unit, digits=2)}"
+        return f"is known to {spread}" if alone else f"within {spread}"
+    if reach < np.log(KNOWN_FACTOR):
+        return f"{'is known to' if alone else 'within'} {_share(reach)}"
+    return f"{'is open by' if alone else 'by'} {_share(reach)} either way"

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from armonic.updating.residuals import Anchors, stacked
+from armonic.updating.residuals import stacked
 from armonic.updating.uncertainty import FittedParameter, covariance_of, judge
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ def judged(
         covariance = covariance_of(known[:, :-1], widened * known[:, :-1])
         verdicts = judge(task.parameters, values, gradient, covariance, STATED if noise <= 1 else max(freedom, 1))
         return Judgement(verdicts, noise, covariance, known[:, :-1].T @ known[:, :-1] / widened**2, freedom)
-    bare = replace(task, modal=(), anchors=Anchors())
+    bare = task.bare
     used = [(w > 0).astype(float) for w in weights]
     equal = bare.residual([v * u for v, u in zip(precision, used, strict=True)]).triangle(x)
     freedom = int(2 * sum(u.sum() for u in used)) - len(x)

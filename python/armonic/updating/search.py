@@ -123,19 +123,21 @@ class Search:
         runs = run_starts(task, stages, points, **options)  # type: ignore[arg-type]
         best = self._count(runs)
         direct = [stage for stage in stages if stage.sigma == 0]
-        retries = RETRIES if self.method == "continuation" and self.starts == 1 else 0
         try:
-            if self.starts == 1 and len(direct) < len(stages) and self._is_astray(best):
+            astray = self.method == "continuation" and self.starts == 1 and self._is_astray(best)
+            if astray and len(direct) < len(stages):
                 # A good start deserves to be tried without a ladder that garbage in the data may have bent.
                 straight = self._count([Walker(direct, *task.box, self.limit, watcher.of(0)).run(task.start)])
                 best = _better(best, straight, or_else=self._explains(straight.x))
-            for k in range(1, retries + 1):
-                if not self._is_astray(best):
+                astray = self._is_astray(best)
+            for k in range(1, RETRIES + 1):
+                if not astray:
                     break
                 points.append(random_start(task, self.seed, k, near=best.x if k % 2 else None))
                 again = run_starts(task, stages, points, **options, done=runs)  # type: ignore[arg-type]
                 runs += again
                 best = _better(best, self._count(again))
+                astray = self._is_astray(best)
         except KeyboardInterrupt:
             best = replace(best, status="interrupted")
         return best
@@ -204,16 +206,13 @@ class Search:
 
     def _noise(self, x: Array) -> float:
         """Relative noise of the responses at x, of those of ordinary precision."""
-        from armonic.updating.residuals import Anchors
-
         task = self.task
         _, noise = self.robust_at(responses_like(task, models_at(task, task.values(x))))
         if noise is not None:
             return noise
         precision = [m.precision() * (w > 0) for m, w in zip(task.measurements, self.weights, strict=True)]
-        bare = replace(task, modal=(), anchors=Anchors())
         count = 2 * sum(np.count_nonzero(v) for v in precision)
-        return float(np.sqrt(bare.residual(precision).costs(x[None, :])[0] / count))
+        return float(np.sqrt(task.bare.residual(precision).costs(x[None, :])[0] / count))
 
 
 def _better(best: Run, other: Run, *, or_else: bool = False) -> Run:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -126,19 +127,42 @@ class Task:
     def _theta(self) -> Array:
         return np.concatenate([self.models[0].spring, self.models[0].damper])
 
-    def _points(self, k: int, weight: Array, sigma: float) -> tuple[Complex, Complex, NDArray[np.intp]]:
-        """Where a measurement is compared, its receptances there, and which of its lines those are.
+    @cached_property
+    def bare(self) -> Task:
+        """The same task without modes and priors."""
+        task = replace(self, modal=(), anchors=Anchors())
+        task.__dict__.update({name: self.__dict__[name] for name in ("_systems", "_on_axis") if name in self.__dict__})
+        return task
+
+    @cached_property
+    def _systems(self) -> tuple[_core.LinearSystem, ...]:
+        return tuple(
+            system(model, m.frame, m.frf.outputs, m.frf.inputs, input_frame=m.frf.input_frame)
+            for m, model in zip(self.measurements, self.models, strict=True)
+        )
+
+    @cached_property
+    def _on_axis(self) -> tuple[tuple[Complex, Complex, Complex, NDArray[np.intp]], ...]:
+        """For each measurement s, receptance and mobility of its lines, and which lines those are.
 
         The factor (iω)^p of the kind cancels in a log difference, so receptances are compared.
         """
-        m = self.measurements[k]
-        power = {"receptance": 0, "mobility": 1, "accelerance": 2}[m.frf.kind]
-        points = np.asarray(2j * np.pi * m.frf.freq_hz, np.complex128)
-        kept = np.flatnonzero((points != 0) | (power == 0))
-        points, values = points[kept], m.frf.values[kept]
+        found = []
+        for m in self.measurements:
+            power = {"receptance": 0, "mobility": 1, "accelerance": 2}[m.frf.kind]
+            points = np.asarray(2j * np.pi * m.frf.freq_hz, np.complex128)
+            kept = np.flatnonzero((points != 0) | (power == 0))
+            points, values = points[kept], m.frf.values[kept]
+            s = points[:, None, None]
+            found.append((points, np.asarray(values / s**power), np.asarray(s ** (1 - power) * values), kept))
+        return tuple(found)
+
+    def _points(self, k: int, weight: Array, sigma: float) -> tuple[Complex, Complex, NDArray[np.intp]]:
+        """Where a measurement is compared, its receptances there, and which of its lines those are."""
+        points, receptance, mobility, kept = self._on_axis[k]
         if sigma == 0:
-            return points, np.asarray(values / (points**power)[:, None, None]), kept
-        freq_hz, mobility = m.frf.freq_hz[kept], points[:, None, None] ** (1 - power) * values
+            return points, receptance, kept
+        freq_hz = self.measurements[k].frf.freq_hz[kept]
         few = thinned(freq_hz, sigma)
         mobility = smoothed(freq_hz, mobility, sigma, weight[kept] > 0, few)
         points = points[few] + sigma
@@ -155,10 +179,8 @@ class Task:
     ) -> _core.Problem:
         targets, told = [], []
         for k in which:
-            m, model = self.measurements[k], self.models[k]
             points, values, kept = self._points(k, weights[k], sigma)
-            core = system(model, m.frame, m.frf.outputs, m.frf.inputs, input_frame=m.frf.input_frame)
-            targets.append((core, points, values, weights[k][kept]))
+            targets.append((self._systems[k], points, values, weights[k][kept]))
             told.append(prices[k][kept])
         try:
             return _core.Problem(targets, prices=told, relative=relative)
