@@ -128,27 +128,54 @@ def compare(name: str, start: am.Robot, truth: am.Robot, rounds: int) -> None:
 
 
 def ten_postures(rounds: int) -> None:
-    """Ten postures, 150 lines, 18 parameters; and how the cost of an evaluation grows with postures and lines."""
-    truth, start = am.load("kuka_kr90"), kuka_start()
-    rng = np.random.default_rng(10)
-    postures = [[0.0, 1.2, -1.7], *rng.uniform([-1, 0.3, -2.2], [1, 1.5, -0.6], (9, 3)).tolist()]
+    """Prints how long ten postures of 150 lines and 18 parameters take."""
+    start, postures = kuka_start(), ten()
+    data = [measured(am.load("kuka_kr90"), q, 150) for q in postures]
+    fits = [am.update(start, data) for _ in range(rounds)]
+    seconds = np.median([fit.duration_s for fit in fits])
+    print(f"ten postures, 150 lines, 18 parameters: median of {rounds} {seconds:.3f} s, cost {fits[0].cost:.0e}")
 
-    def fit(count: int, lines: int) -> am.Fit:
-        freq_hz = np.linspace(0.2, 30, lines)
-        data = [am.Measurement(am.frf(truth, q, freq_hz, frame="sensor"), q) for q in postures[:count]]
-        return am.update(start, data)
 
-    times = [np.median([fit(10, 150).duration_s for _ in range(rounds)])]
-    print(f"ten postures, 150 lines, 18 parameters: median of {rounds} {times[0]:.3f} s, cost {fit(10, 150).cost:.0e}")
-    each = {
-        size: np.median([(f := fit(*size)).duration_s / f.evaluations for _ in range(rounds)])
-        for size in ((1, 150), (2, 150), (5, 150), (10, 150), (10, 300), (10, 600))
-    }
-    for (count, lines), seconds in each.items():
+def growth(rounds: int) -> None:
+    """Prints the time of one evaluation, residual and Jacobian, over postures x lines x n²."""
+    kuka = am.load("kuka_kr90")
+    cases = [(kuka, ten()[:count], lines) for count, lines in ((1, 150), (10, 150), (1, 1500), (10, 1500))]
+    cases += [(chain(n), [[0.3] * n], 300) for n in (3, 6, 12, 24)]
+    print("one evaluation, residual and Jacobian by two parameters per coordinate, one thread")
+    for robot, postures, lines in cases:
+        fit = am.update(robot, [measured(robot, q, lines) for q in postures], max_evaluations=1)
+        residual = fit.task.residual([m.line_weights() for m in fit.measurements])
+        x, n = fit.task.start, len(robot.coordinates)
+        (seconds,) = interleaved(lambda residual=residual, x=x: residual.triangle(x), rounds=rounds)
+        size = len(postures) * lines * n**2
         print(
-            f"{count:3d} postures {lines:4d} lines {seconds * 1e3:8.3f} ms an evaluation, "
-            f"{seconds / (count * lines) * 1e6:6.3f} µs a line"
+            f"{len(postures):3d} postures {lines:5d} lines, n = {n:2d}: {seconds * 1e3:8.3f} ms, "
+            f"{seconds / size * 1e9:6.2f} ns over postures x lines x n²"
         )
+
+
+def ten() -> list[list[float]]:
+    """Postures about that of the paper."""
+    spread = np.random.default_rng(10).uniform([-1, 0.3, -2.2], [1, 1.5, -0.6], (9, 3))
+    return [[0.0, 1.2, -1.7], *spread.tolist()]
+
+
+def measured(robot: am.Robot, posture: list[float], lines: int) -> am.Measurement:
+    """Exact responses up to 30 Hz at the last frame."""
+    H = am.frf(robot, posture, np.linspace(0.2, 30, lines), frame=robot.frames[-1])
+    return am.Measurement(H, posture)
+
+
+def chain(n: int) -> am.Robot:
+    """A serial robot of n elastic joints about z, y and x in turn."""
+    links = [
+        f"  - {{name: l{i}, parent: {f'l{i - 1}' if i else 'base'}, placement: [{{x: 0.3, z: 0.1}}], "
+        f"joint: {{type: revolute, axis: {'zyx'[i % 3]}}}, elasticity: {{{'zyx'[i % 3]}: {{stiffness: {1e6 / (i + 1)}, "
+        f"damping: {200 / (i + 1)}}}}}, mass: {40 / (i + 1)}, com: [0.1, 0.05, 0.02], "
+        f"inertia: {{xx: {2 / (i + 1)}, yy: {2 / (i + 1)}, zz: {2 / (i + 1)}}}}}"
+        for i in range(n)
+    ]
+    return am.Robot.from_yaml("\n".join(["armonic: 1", f"name: chain of {n}", "links:", *links]))
 
 
 def kuka_start() -> am.Robot:
@@ -168,6 +195,7 @@ def main() -> None:
     )
     compare("3R example", off, three, rounds)
     ten_postures(max(rounds // 5, 3))
+    growth(rounds)
 
 
 if __name__ == "__main__":

@@ -57,17 +57,20 @@ def test_directions_are_the_eigenvectors_of_the_information_and_their_words_say_
     stiff, sloppy, blind = am.directions(of_information(information, "a", "b", "c"))
     assert (stiff.deviation, sloppy.deviation, blind.deviation) == pytest.approx((0.01, 0.5, np.inf))
     np.testing.assert_allclose([abs(stiff.weights @ rise), abs(sloppy.weights @ trade)], 1, rtol=1e-9)
-    # 1.96 · 0.01/√2 = 1.39 %, exp(1.96 · 0.5/√2) = 2.0
-    assert sorted(stiff.words.split(", ")[0].split(" rise")[0].split(" and ")) == ["a.z stiffness", "b.z stiffness"]
-    assert stiff.words.endswith("rise together, within 1.4 %")
-    assert sloppy.words.endswith(", by a factor of 2 either way")
-    assert "trades against" in sloppy.words
+    # exp(1.96 · 0.5/√2) = 2.0
+    # The product moves with both: 1.96 · 0.01 · √2 = 2.81 %.
+    assert stiff.words.startswith("the product of ")
+    assert stiff.words.endswith(" is known to 2.8 %")
+    assert " trades against " in sloppy.words
+    assert sloppy.words.endswith(", by a factor of 2.0 either way; their product is known to 2.8 %")
+    for told in (stiff.words, sloppy.words):
+        assert {"a.z", "b.z"} <= set(told.split())
     assert blind.words == "c.z stiffness is open: the data say nothing"
 
 
 def test_one_parameter_alone_is_called_known_or_open() -> None:
     stiff, sloppy = am.directions(of_information(np.diag([1 / 0.02**2, 1 / 0.8**2]), "a", "b"))
-    assert stiff.words == "a.z stiffness is known to 4 %"  # exp(1.96 · 0.02) = 1.040
+    assert stiff.words == "a.z stiffness is known to 4.0 %"  # exp(1.96 · 0.02) = 1.040
     assert sloppy.words == "b.z stiffness is open by a factor of 4.8 either way"  # exp(1.96 · 0.8) = 4.80
 
 

@@ -394,3 +394,15 @@ def test_as_many_parameters_as_data_determine_nothing() -> None:
     fit = am.update(truth, am.Measurement(off, "milling", weights="uniform"), parameters="links.arm.elasticity.z.*")
     assert {p.interval for p in fit.parameters} == {(0.0, np.inf)}
     assert {p.verdict for p in fit.parameters} <= {"not identifiable", "at bound"}
+
+
+def test_a_residual_far_above_the_scatter_of_the_lines_is_doubted_as_systematic() -> None:
+    # Cross responses of one sign of the force differ by 30 %, as of a joint that is softer under one hammer blow.
+    H = noisy(am.frf(THREE_R, "milling", FREQ_HZ, frame="sensor"), 2, 0.005)
+    values = H.values.copy()
+    values[:, 0, :] *= 1.3
+    honest, skewed = (
+        am.update(THREE_R, Measurement(data, "milling", weights="uniform")) for data in (H, replace(H, values=values))
+    )
+    assert honest.doubts == ()
+    assert any("times what neighbouring lines scatter" in doubt for doubt in skewed.doubts)

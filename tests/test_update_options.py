@@ -184,7 +184,7 @@ def test_robust_losses_see_through_gross_outliers_and_squares_do_not(seed: int, 
     reference = am.update(start, am.Measurement(clean, "milling", weights=weights))
     data = am.Measurement(spoilt, "milling", weights=am.peak_weights(clean) if weights == "peaks" else weights)
     lost = am.update(start, data)
-    assert (np.abs(errors(lost)) > 5 * deviations(reference)).any()
+    assert (np.abs(errors(lost)) > 4 * deviations(reference)).any()
     for loss in ("huber", "cauchy"):
         fit = am.update(start, data, loss=loss)  # type: ignore[arg-type]
         # The truth within the intervals, which are nearly those of clean data: noise from the median, known to 2 %,
@@ -244,8 +244,9 @@ def test_weights_by_coherence_scatter_less_and_their_intervals_are_right() -> No
     draws, plain, weighted, claimed = 40, [], [], []
     for seed in range(draws):
         H, gamma2 = coherent(seed)
-        plain.append(errors(am.update(THREE_R, am.Measurement(H, "milling", weights="uniform"))))
-        fit = am.update(THREE_R, am.Measurement(H, "milling", weights="uniform", coherence=gamma2))
+        without = am.Measurement(H, "milling", weights="uniform")
+        plain.append(errors(am.update(THREE_R, without, method="least_squares")))
+        fit = am.update(THREE_R, replace(without, coherence=gamma2), method="least_squares")
         weighted.append(errors(fit))
         claimed.append(deviations(fit))
     scatter = np.std(plain, axis=0), np.std(weighted, axis=0)
@@ -304,12 +305,15 @@ def modes_of(robot: am.Robot = THREE_R, posture: Any = "milling", **options: Any
 
 
 def test_modes_alone_are_fitted_where_there_are_no_responses() -> None:
-    fit = am.update(off(THREE_R, factor=1.2), modes_of())
+    # Frequencies and damping of one posture are as many as the parameters, and more than one robot has them.
+    fit = am.update(off(THREE_R, 1, 1.3), [modes_of(posture=q) for q in POSTURES])
     assert worst(fit) < RECOVERED
-    several = am.update(off(THREE_R, 1, 1.2), [modes_of(posture=q) for q in POSTURES])
-    assert worst(several) < RECOVERED
-    assert len(several.postures) == 3
-    assert several.frf_after == ()
+    assert len(fit.postures) == 3
+    assert fit.frf_after == ()
+    tip = am.linearize(THREE_R, "milling").jacobian("sensor")[:3]
+    shapes = (tip @ am.modes(THREE_R, "milling").shapes).T
+    shaped = am.update(off(THREE_R, 2, 1.3), modes_of(shapes=shapes, frame="sensor"))
+    assert worst(shaped) < RECOVERED
 
 
 def test_stated_deviations_of_modes_make_the_intervals() -> None:
@@ -333,9 +337,9 @@ def with_home(robot: am.Robot) -> am.Robot:
 def test_modes_and_responses_are_weighed_by_what_they_say() -> None:
     data = am.Measurement(noisy(measured(), 10), "milling", weights="uniform")
     responses = am.update(THREE_R, data)
-    for size, side in ((1e3, "responses"), (1.0, "both"), (1e-4, "modes")):
+    for size in (1e3, 1.0, 1e-2):
         modes = modes_of(freq_deviation=0.001 * size, damping_deviation=0.01 * size)
-        both = am.update(off(THREE_R, factor=1.2), [data, modes])
+        both = am.update(off(THREE_R, factor=1.02), [data, modes])
         assert both.noise == pytest.approx(responses.noise, rel=0.05)
         alone = am.update(THREE_R, modes)
         # Information adds up, and the answer is the mean by it.
@@ -343,7 +347,7 @@ def test_modes_and_responses_are_weighed_by_what_they_say() -> None:
         np.testing.assert_allclose(both.information, expected, rtol=0.03, atol=1e-3 * np.abs(expected).max())
         mean = np.linalg.solve(expected, responses.information @ errors(responses))
         scale = np.sqrt(np.diag(np.linalg.inv(expected)))
-        assert (np.abs(errors(both) - mean) < 0.1 * scale).all(), side
+        assert (np.abs(errors(both) - mean) < 0.1 * scale).all()
         np.testing.assert_allclose(deviations(both), scale, rtol=0.03)
 
 

@@ -112,6 +112,12 @@ def split_path(path: str) -> tuple[str, str]:
     return path, ""
 
 
+def parameter_name(path: str) -> str:
+    """A parameter's name in a sentence: "arm.z stiffness", "arm.mass"."""
+    name, quantity = split_path(path)
+    return f"{name} {quantity}" if quantity else path.removeprefix("links.")
+
+
 def frf_unit(kind: Kind, output: str, force: str) -> str:
     """The unit of one entry of an FRF: "(m/s²)/N" for the accelerance of an axis under a force.
 

@@ -1,5 +1,6 @@
 """Figures as plotly objects: FRF and MAC matrices, fits, surveys, mode shapes and robots."""
 
+from armonic.plots.determined import add_bands, correlation_matrix, principal_directions, profile_curve
 from armonic.plots.fitting import cost_history, parameter_intervals
 from armonic.plots.look import FONT_STACK, TEMPLATE, VERDICT_COLOURS
 from armonic.plots.maps import campbell, damping_map, frequency_map
@@ -13,7 +14,9 @@ __all__ = [
     "FONT_STACK",
     "TEMPLATE",
     "VERDICT_COLOURS",
+    "add_bands",
     "campbell",
+    "correlation_matrix",
     "cost_history",
     "damping_map",
     "frequency_map",
@@ -22,6 +25,8 @@ __all__ = [
     "mac_matrix",
     "mode_shapes",
     "parameter_intervals",
+    "principal_directions",
+    "profile_curve",
     "sample_map",
     "skeleton",
 ]

@@ -7,24 +7,31 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from armonic.errors import UpdateError
+from armonic.errors import ModelError, UpdateError
+from armonic.modal import modes
 from armonic.synthesis import frf
-from armonic.updating.sensitivities import frf_sensitivities, pole_sensitivities
+from armonic.updating.information import Outlook
+from armonic.updating.sensitivities import pole_slopes
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable
 
     from numpy.typing import ArrayLike, NDArray
 
     from armonic.linear import Posture
     from armonic.modal import Modes
     from armonic.response import Frf, Kind
-    from armonic.updating.parameters import Parameter
     from armonic.updating.result import Fit
+    from armonic.updating.tangent import Tangent
 
     Array: TypeAlias = NDArray[np.float64]
+    Truths: TypeAlias = NDArray[np.bool_]
 
 NORMAL_95 = 1.959963984540054
+BLIND = 1e-18
+"""Information on a parameter below this share of the largest is what rounding leaves of none."""
+FARTHEST = 300.0
+"""A logarithm beyond this is infinite to all purposes, and its exponential nearly so to the computer."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,12 +43,14 @@ class FrfBands:
         low: lower end of the magnitude, (L, p, m), in the response's unit.
         high: upper end, (L, p, m).
         phase_deviation: 95 % half width of the phase, (L, p, m), rad.
+        open: where the band is held by the bounds of the parameters rather than by the data, (L, p, m).
     """
 
     frf: Frf
     low: Array
     high: Array
     phase_deviation: Array
+    open: Truths
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,36 +62,85 @@ class ModalIntervals:
         natural_freq_hz: (low, high) of each mode, (m, 2).
         damped_freq_hz: likewise; zero of real poles.
         damping_ratio: likewise, fractions.
+        open: whether natural frequency and damping ratio of each mode are held by the bounds of the parameters rather
+            than by the data, (m, 2).
     """
 
     modes: Modes
     natural_freq_hz: Array
     damped_freq_hz: Array
     damping_ratio: Array
+    open: Truths
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """What is known of x for predictions.
+
+    Attributes:
+        covariance: of x, (c, c), finite: the data's, with every parameter within its bounds.
+        bounds: information of those bounds, (c,).
+    """
+
+    covariance: Array
+    bounds: Array
+
+    def half(self, slopes: Array) -> tuple[Array, Truths]:
+        """Half 95 % intervals (...) of what has these slopes (..., c), and whether they are open.
+
+        With the information F of the data and P of the bounds the variance gᵀCg, C = (F + P)⁻¹, is the sum of gᵀCFCg
+        and gᵀCPCg. Where the second is the larger one the data set no end.
+        """
+        root = slopes @ self.covariance
+        variance = np.maximum((root * slopes).sum(axis=-1), 0.0)
+        held = (root**2 * self.bounds).sum(axis=-1)
+        return NORMAL_95 * np.sqrt(variance), np.asarray(held > 0.5 * variance)
 
 
 def predictive_covariance(fit: Fit) -> Array:
     """Covariance of x for predictions, (c, c), finite: what the data leave open, the bounds still hold.
 
-    Every parameter is taken to lie within its bounds with 95 % probability beside what the data say. Where the data
-    leave parameters open one by one but know a combination of them, it is the information that says so.
+    Every parameter is taken to lie within its bounds with 95 % probability beside what the data say, as plans take it.
+    Where the data leave parameters open one by one but know a combination of them, it is the information that says so;
+    it is then taken to be as many times less certain as it is for the other parameters under the weights of the fit.
 
     Args:
         fit: what `armonic.update` returned.
     """
+    return _prediction(fit).covariance
+
+
+def _prediction(fit: Fit) -> Prediction:
     lower, upper = (np.array([p.coordinate(getattr(p, end)) for p in fit.coordinates]) for end in ("lower", "upper"))
-    weak = np.diag((2 * NORMAL_95 / (upper - lower)) ** 2)
-    finite = np.isfinite(np.diag(fit.covariance)).all()
-    scale = np.sqrt(np.diag(fit.covariance)) if finite else np.ones(len(weak))
-    if finite and scale.min() > 0:
-        unit = np.outer(scale, scale)
-        information = np.linalg.pinv(fit.covariance / unit, hermitian=True) / unit
-    else:
-        information = fit.information
-    total = information + weak
-    size = np.sqrt(np.diag(total))
-    covariance: Array = np.linalg.inv(total / np.outer(size, size)) / np.outer(size, size)
-    return (covariance + covariance.T) / 2
+    weak = (2 * NORMAL_95 / (upper - lower)) ** 2
+    if not np.isfinite(fit.information).all():  # data without any noise at all
+        return Prediction(np.zeros((len(weak), len(weak))), weak)
+    told = np.diag(fit.information)
+    some = np.flatnonzero(told > BLIND * told.max(initial=0.0))
+    total = np.diag(weak)
+    if len(some):
+        inner = np.ix_(some, some)
+        total[inner] += _precision(fit.covariance[inner], fit.information[inner], weak[some])
+    return Prediction(_inverse(total), weak)
+
+
+def _precision(covariance: Array, information: Array, weak: Array) -> Array:
+    """Information of the data as the fit weighted them, (s, s)."""
+    spread = np.sqrt(np.diag(covariance))
+    finite = np.isfinite(spread) & (spread > 0)
+    if finite.all():
+        unit = np.outer(spread, spread)
+        return np.asarray(np.linalg.pinv(covariance / unit, hermitian=True) / unit)
+    best = np.sqrt(np.diag(_inverse(information + np.diag(weak))))
+    loss = float(np.max(spread[finite] / best[finite], initial=1.0))
+    return np.asarray(information / loss**2)
+
+
+def _inverse(matrix: Array) -> Array:
+    """Of a positive definite matrix, by way of a unit diagonal."""
+    size = np.sqrt(np.diag(matrix))
+    inverse = np.linalg.inv(matrix / np.outer(size, size)) / np.outer(size, size)
+    return np.asarray((inverse + inverse.T) / 2)
 
 
 def frf_bands(
@@ -98,7 +156,9 @@ def frf_bands(
 ) -> FrfBands:
     """95 % bands of a fitted robot's responses in any posture, by linear propagation in ln H.
 
-    var(Re ln H) = g C gᵀ with g = Re ∂ln H/∂x, the phase likewise with the imaginary part.
+    var(Re ln H) = g C gᵀ with g = Re ∂ln H/∂x and C the covariance of the fit, the phase likewise with the imaginary
+    part. Where the data leave a parameter open, its bounds hold the band (see `FrfBands.open`). A band speaks of the
+    parameters alone, not of what the model may lack, and not of noise that a further measurement has.
 
     Args:
         fit: what `armonic.update` returned.
@@ -111,21 +171,22 @@ def frf_bands(
         input_frame: where the force acts, if elsewhere.
 
     Raises:
-        UpdateError: no frame, or a fit with laws.
+        UpdateError: no frame.
+        FrfError: lines or axes are not valid.
         PostureError: posture or frame do not fit the robot.
+        ModelError: the model has no response on a line, or a law does not hold in that posture.
     """
-    _refuse_laws(fit)
     where = frame or next((m.frame for m in fit.measurements), None)
     if where is None:
         raise UpdateError("frame", found="nothing", expected=f"one of {', '.join(fit.start.frames)}")
-    axes = tuple(outputs), tuple(inputs)
-    options = {"frame": where, "outputs": axes[0], "inputs": axes[1], "input_frame": input_frame}
-    H = frf(fit.robot, posture, freq_hz, kind=kind, **options)  # type: ignore[arg-type]
-    _, D = frf_sensitivities(fit.robot, posture, H.freq_hz, fit.coordinates, **options)  # type: ignore[arg-type]
-    C = predictive_covariance(fit)
-    half, turn = (NORMAL_95 * np.sqrt(_variance(part, C)) for part in (D.real, D.imag))
-    size = np.abs(H.values)
-    return FrfBands(H, size * np.exp(-half), size * np.exp(half), turn)
+    out, into = tuple(outputs), tuple(inputs)
+    place = _place(fit, posture)
+    H = frf(place[0].model, None, freq_hz, frame=where, kind=kind, outputs=out, inputs=into, input_frame=input_frame)
+    _, D, _ = Outlook.seen(place, H.freq_hz, where, out, into, input_frame)
+    known = _prediction(fit)
+    (half, is_open), (turn, _) = (known.half(part) for part in (D.real, D.imag))
+    size, factor = np.abs(H.values), np.exp(np.minimum(half, FARTHEST))
+    return FrfBands(H, size / factor, size * factor, turn, is_open)
 
 
 def modal_intervals(fit: Fit, posture: Posture) -> ModalIntervals:
@@ -139,43 +200,47 @@ def modal_intervals(fit: Fit, posture: Posture) -> ModalIntervals:
         posture: a posture's name or joint coordinates; it need not have been measured.
 
     Raises:
-        UpdateError: a fit with laws.
         PostureError: the posture does not fit the robot.
+        ModelError: a law does not hold in that posture.
     """
-    _refuse_laws(fit)
-    found, slopes = pole_sensitivities(fit.robot, posture, fit.coordinates)
-    C = predictive_covariance(fit)
-    poles = found.poles[:, None]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        natural = np.nan_to_num((slopes / poles).real)
-        damped = np.where(found.oscillatory[:, None], np.nan_to_num(slopes.imag / poles.imag), 0.0)
-        ratio = found.damping_ratio[:, None]
-        damping = np.nan_to_num((-slopes.real / np.abs(poles) - ratio * natural) / ratio)
-    damping[~found.oscillatory] = 0.0
+    at, chain = _place(fit, posture)
+    found = modes(at.model)
+    slopes = pole_slopes(at, found)[0] @ chain
+    poles, ratio, pairs = found.poles[:, None], found.damping_ratio[:, None], found.oscillatory[:, None]
+    zero = np.zeros_like(slopes.real)
+
+    def over(numerator: Array, denominator: Array, where: Truths) -> Array:
+        return np.divide(numerator, denominator, out=zero.copy(), where=where & (denominator != 0))
+
+    natural = over((slopes * poles.conj()).real, np.abs(poles) ** 2, poles != 0)
+    damped = over(slopes.imag, poles.imag, pairs)
+    damping = over(-slopes.real - ratio * np.abs(poles) * natural, ratio * np.abs(poles), pairs)
+    known = _prediction(fit)
+    (wide, loose), (turning, _), (losing, lossy) = (known.half(part) for part in (natural, damped, damping))
     return ModalIntervals(
-        found,
-        _interval(found.natural_freq_hz, natural, C),
-        _interval(np.where(found.oscillatory, found.damped_freq_hz, 0.0), damped, C),
-        _interval(found.damping_ratio, damping, C),
+        modes=found,
+        natural_freq_hz=_interval(found.natural_freq_hz, wide),
+        damped_freq_hz=_interval(np.where(found.oscillatory, found.damped_freq_hz, 0.0), turning),
+        damping_ratio=_interval(found.damping_ratio, losing),
+        open=np.stack([loose, lossy], axis=-1),
     )
 
 
-def _interval(values: Array, slopes: Array, C: Array) -> Array:
-    half = NORMAL_95 * np.sqrt(_variance(slopes, C))
-    return np.stack([values * np.exp(-half), values * np.exp(half)], axis=-1)
+def _interval(values: Array, half: Array) -> Array:
+    """(low, high) of values known to a logarithm, (m, 2); of negative ones, as the damping of what is unstable, too."""
+    factor = np.exp(np.minimum(half, FARTHEST))
+    return np.sort(np.stack([values / factor, values * factor], axis=-1), axis=-1)
 
 
-def _variance(slopes: Array, C: Array) -> Array:
-    variance: Array = np.einsum("...i,ij,...j->...", slopes, C, slopes)
-    return np.maximum(variance, 0.0)
+def _place(fit: Fit, posture: Posture) -> tuple[Tangent, Array]:
+    """The fitted model in a posture with its slopes, as its laws have it there.
 
-
-def _refuse_laws(fit: Fit) -> None:
-    parameters: Sequence[Parameter] = fit.coordinates
-    if any(p.law is not None for p in parameters):
-        raise UpdateError(
-            "fit",
-            found="a law over postures",
-            expected="a fit without laws",
-            hint="Take fit.robot_in(posture) for the values there.",
-        )
+    Raises:
+        PostureError: the posture does not fit the robot.
+        ModelError: the model cannot be built, or a law has no positive stiffness.
+    """
+    values = np.array([p.value for p in fit.parameters])
+    try:
+        return Outlook(fit.start, fit.coordinates, values).at(posture)
+    except ArithmeticError as error:
+        raise ModelError("law", found=str(error), expected="a posture where it holds") from None

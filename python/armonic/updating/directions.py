@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from armonic.text import format_percent, format_si, listing, split_path
+from armonic.text import format_percent, format_si, listing, parameter_name
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -65,17 +65,15 @@ def directions(fit: Fit) -> tuple[Direction, ...]:
     Args:
         fit: what `armonic.update` returned.
     """
-    parameters, information = fit.coordinates, np.asarray(fit.information, float)
-    rest, blind = _split(information)
-    values, vectors = np.linalg.eigh(rest.T @ information @ rest)
-    spread = 1 / np.sqrt(np.maximum(values[::-1], np.finfo(float).tiny))
-    seen = (rest @ vectors)[:, ::-1]
-    roots = seen * spread
-    found = [*zip(spread.tolist(), seen.T, strict=True), *((np.inf, column) for column in blind.T)]
-    return tuple(
-        Direction(deviation, weights, _words(parameters, weights, deviation, roots, blind))
-        for deviation, weights in ((deviation, _largest_positive(weights)) for deviation, weights in found)
-    )
+    roots, seen, blind = _principal(np.asarray(fit.information, float))
+    found = [*zip(roots, seen.T, strict=True), *((np.inf, column) for column in blind.T)]
+    known = seen * roots
+    told = []
+    for deviation, weights in found:
+        upright = weights * np.sign(weights[np.argmax(np.abs(weights))])
+        words = _words(fit.coordinates, upright, float(deviation), known, blind)
+        told.append(Direction(float(deviation), upright, words))
+    return tuple(told)
 
 
 def correlation(covariance: Array) -> Array:
@@ -93,30 +91,24 @@ def correlation(covariance: Array) -> Array:
     return np.asarray(np.clip(matrix, -1.0, 1.0))
 
 
-def _split(information: Array) -> tuple[Array, Array]:
-    """Orthonormal bases of the directions that the data see, (c, s), and of those that they do not, (c, c − s).
+def _principal(information: Array) -> tuple[Array, Array, Array]:
+    """Deviations (s,) and unit directions (c, s) of what the data see, and those that they do not, (c, c − s).
 
-    A parameter that nothing depends on is a direction by itself; of trades between others rounding is told apart in
-    units in which each parameter is known equally well.
+    Rounding is told apart in units in which each parameter is known equally well by itself. The singular values of a
+    root hold twice the digits of eigenvalues. A parameter that nothing depends on is a direction of its own.
     """
     count = len(information)
     scale = np.sqrt(np.maximum(np.diag(information), 0.0))
-    seen = np.flatnonzero(scale > BLIND * scale.max(initial=0.0))
-    alone = np.eye(count)[:, np.setdiff1d(np.arange(count), seen)]
-    if not len(seen):
-        return np.zeros((count, 0)), np.eye(count)
-    inner = np.eye(count)[:, seen]
-    values, vectors = np.linalg.eigh(information[np.ix_(seen, seen)] / scale[seen] / scale[seen, None])
-    null = vectors[:, values < UNSEEN] / scale[seen, None]
-    if not null.size:
-        return inner, alone
-    basis = np.linalg.qr(null, mode="complete")[0]
-    k = null.shape[1]
-    return inner @ basis[:, k:], np.hstack([inner @ basis[:, :k], alone])
-
-
-def _largest_positive(weights: Array) -> Array:
-    return np.asarray(weights * np.sign(weights[np.argmax(np.abs(weights))]))
+    some = np.flatnonzero(scale > BLIND * scale.max(initial=0.0))
+    alone = np.eye(count)[:, np.setdiff1d(np.arange(count), some)]
+    if not len(some):
+        return np.zeros(0), np.zeros((count, 0)), alone
+    values, vectors = np.linalg.eigh(information[np.ix_(some, some)] / scale[some] / scale[some, None])
+    kept = values > UNSEEN
+    root = np.sqrt(values[kept, None]) * vectors[:, kept].T * scale[some]
+    _, sizes, right = np.linalg.svd(root)
+    inner = np.eye(count)[:, some] @ right.T
+    return 1 / sizes, inner[:, : len(sizes)], np.hstack([inner[:, len(sizes) :], alone])
 
 
 def _words(parameters: Sequence[Parameter], weights: Array, deviation: float, roots: Array, blind: Array) -> str:
@@ -208,14 +200,12 @@ def _share(reach: float) -> str:
 
 
 def _name(p: Parameter) -> str:
-    name, quantity = split_path(p.path)
-    tied = f" ({len(p.paths)} tied)" if len(p.paths) > 1 else ""
-    return f"{name} {quantity}".strip() + tied
+    return f"{parameter_name(p.path)}{f' ({len(p.paths)} tied)' if len(p.paths) > 1 else ''}"
 
 
 def _how_far(p: Parameter, reach: float, *, alone: bool) -> str:
     if not np.isfinite(reach) or (p.scale == "log" and reach > np.log(OPEN_FACTOR)):
-        return "is open: the data say nothing" if alone else "and the data say nothing about it"
+        return "is open: the data say nothing" if alone else "and the data do not see it"
     if p.scale == "linear":
         spread = f"± {format_si(reach * p.size, p.unit, digits=2)}"
         return f"is known to {spread}" if alone else f"within {spread}"

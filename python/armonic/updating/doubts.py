@@ -26,6 +26,8 @@ FEWEST = 10
 """Fewer values than this in a third say nothing about the noise."""
 RESONANCE_DB = 6.0
 """A response whose highest maximum stands out less than this from what surrounds it has no resonance in the band."""
+SYSTEMATIC = 5.0
+"""A residual so many times the data's own scatter is systematic."""
 NOISELESS = 1e-6
 """Below this there is nothing but rounding."""
 
@@ -125,3 +127,15 @@ def scatter(measurements: Sequence[Measurement], weights: Sequence[Array]) -> fl
         found += [part[np.isfinite(part)] for part in (bend.real, bend.imag)]
     sizes = np.abs(np.concatenate(found)) if found else np.zeros(0)
     return float(np.median(sizes) / (0.6745 * np.sqrt(6))) if sizes.size else np.inf
+
+
+def beyond_scatter(measurements: Sequence[Measurement], weights: Sequence[Array], noise: float) -> tuple[str, ...]:
+    """A doubt where the residual is many times what the data scatter by themselves: then it is no noise."""
+    own = scatter(measurements, weights)
+    if not noise > SYSTEMATIC * own:
+        return ()
+    return (
+        f"Model and measurement differ by {100 * noise:.2g} %, {noise / own:.0f} times what neighbouring lines scatter: that "
+        "is no noise but a model too simple, a local minimum, or responses that no linear reciprocal robot has. The "
+        "intervals do not know of it. Try more starts, laws, other parameters, or symmetrized responses.",
+    )

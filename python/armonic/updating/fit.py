@@ -12,7 +12,7 @@ import numpy as np
 from armonic.linear import linearize
 from armonic.modal import mac, modes
 from armonic.updating.checkpoint import Checkpoint
-from armonic.updating.doubts import doubts, nothing_identified, without_resonance
+from armonic.updating.doubts import beyond_scatter, doubts, nothing_identified, without_resonance
 from armonic.updating.genetic import Genetic
 from armonic.updating.judging import judged
 from armonic.updating.models import models_at, refuse_absent, responses_like, robot_with
@@ -204,6 +204,8 @@ def _doubted(
     doubtful, explained = doubts(task.measurements, frfs, weights, known.noise, factors)
     if not explained:
         fitted = tuple(replace(p, verdict="weak") if p.verdict == "identified" else p for p in fitted)
+    elif not doubtful:
+        doubtful = beyond_scatter(task.measurements, weights, known.noise)
     silent = without_resonance(task.measurements, weights)
     return fitted, (*doubtful, *silent, *nothing_identified(fitted, known.noise))
 

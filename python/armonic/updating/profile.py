@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
     Array: TypeAlias = NDArray[np.float64]
 
-STEPS = 12
+STEPS = 20
 """Most steps to either side."""
-PER_HALF_WIDTH = 2
+PER_HALF_WIDTH = 4
 """Steps within the half width that the linear interval has."""
 BEYOND = 1.3
 """The walk ends where the rise is this many times the threshold."""
@@ -43,6 +43,7 @@ class Profile:
         threshold: rise at the ends of the 95 % interval.
         interval: where the profile crosses the threshold, SI; a bound (or 0 and infinity, if the profile ends below the
             threshold) where it does not.
+        unit: of the parameter.
     """
 
     path: str
@@ -50,6 +51,7 @@ class Profile:
     rise: Array
     threshold: float
     interval: tuple[float, float]
+    unit: str = ""
 
 
 def profile(fit: Fit, path: str) -> Profile:
@@ -90,7 +92,8 @@ def profile(fit: Fit, path: str) -> Profile:
     for side in (-1.0, 1.0):
         x, inner, end = x0, (float(x0[index]), 0.0), None
         for k in range(1, STEPS + 1):
-            wanted = float(np.clip(x0[index] + side * step * k, walk.lower[index], walk.upper[index]))
+            far = np.inf if k == STEPS else step * k  # the last step goes to the bound
+            wanted = float(np.clip(x0[index] + side * far, walk.lower[index], walk.upper[index]))
             if wanted == inner[0]:
                 break
             x, cost = walk.held(x, wanted)
@@ -115,6 +118,7 @@ def profile(fit: Fit, path: str) -> Profile:
             low if low is not None else p.lower if reached[0] else (0.0 if p.scale == "log" else -np.inf),
             high if high is not None else p.upper if reached[1] else np.inf,
         ),
+        p.unit,
     )
 
 
