@@ -109,7 +109,8 @@ def test_a_tolerance_out_of_range_is_refused(tolerance: float) -> None:
 
 @pytest.mark.parametrize("limit", [0, -3])
 def test_a_limit_of_no_evaluations_is_refused(limit: int) -> None:
-    refused(UpdateError, f"max_evaluations: found {limit}, expected at least 1", DATA, max_evaluations=limit)
+    message = f"max_evaluations: found {limit}, expected a whole number of at least 1"
+    refused(UpdateError, message, DATA, max_evaluations=limit)
 
 
 @pytest.mark.parametrize(
@@ -278,3 +279,200 @@ def test_responses_too_small_to_take_a_logarithm_of_are_refused() -> None:
 
 def test_a_bare_response_is_no_measurement() -> None:
     refused(UpdateError, r"found a Frf, expected at least one Measurement", [DATA.frf])
+
+
+OTHER = "links.carousel.elasticity.z.stiffness"
+LAST = "links.link_arm.elasticity.z.stiffness"
+A_PATTERN = "expected a path or pattern, or a list of them"
+WHOLE = "expected a whole number of at least"
+ABSURD: list[tuple[dict[str, Any], str]] = [
+    ({"parameters": 5}, f"parameters: found 5, {A_PATTERN}"),
+    ({"parameters": None}, f"parameters: found None, {A_PATTERN}"),
+    ({"parameters": [STIFFNESS, 5]}, f"parameters: found 5, {A_PATTERN}"),
+    ({"bounds": 5}, "bounds: found 5, expected a mapping"),
+    ({"bounds": [STIFFNESS]}, r"bounds: found \['links.*, expected a mapping"),
+    ({"bounds": {5: (1e6, 2e6)}}, f"bounds: found 5, {A_PATTERN}"),
+    ({"hold": 5}, f"hold: found 5, {A_PATTERN}"),
+    ({"hold": 0}, f"hold: found 0, {A_PATTERN}"),
+    ({"hold": None}, f"hold: found None, {A_PATTERN}"),
+    ({"hold": "nothing"}, "hold: found 'nothing', expected the path"),
+    ({"hold": "elasticity"}, "hold: found every parameter, expected at least one that is fitted"),
+    ({"hold": {STIFFNESS: -1.0}}, f"hold {STIFFNESS}: found -1.0, expected a positive number"),
+    ({"hold": {STIFFNESS: np.nan}}, f"hold {STIFFNESS}: found nan, expected a finite number"),
+    ({"hold": {STIFFNESS: "stiff"}}, f"hold {STIFFNESS}: found 'stiff', expected a number in N m/rad"),
+    ({"hold": {STIFFNESS: None}}, f"hold {STIFFNESS}: found nothing, expected a number"),
+    ({"hold": {"*.damping": 5.0}}, r"hold \*.damping: found '\*.damping', expected the path"),
+    ({"ties": 5}, "ties: found 5, expected groups of paths"),
+    ({"ties": None}, "ties: found None, expected groups of paths"),
+    ({"ties": STIFFNESS}, "ties: found 'links.*expected groups of paths"),
+    ({"ties": [5]}, f"ties: found 5, {A_PATTERN}"),
+    ({"ties": [[STIFFNESS, 5]]}, f"ties: found 5, {A_PATTERN}"),
+    ({"ties": [[]]}, "ties: found no pattern"),
+    ({"ties": [["nothing", STIFFNESS]]}, "ties: found 'nothing'"),
+    ({"ties": [STIFFNESS, OTHER]}, "found one number, expected at least two to tie together"),
+    ({"ties": [[STIFFNESS, STIFFNESS]]}, "found one number, expected at least two"),
+    ({"ties": ["links.arm.elasticity.z.*"]}, "found N m s/rad and N m/rad, expected numbers of one kind"),
+    ({"ties": [[STIFFNESS, "links.arm.mass"]]}, "found links.arm.mass, which is not fitted"),
+    ({"method": "newton"}, "method: found 'newton', expected"),
+    ({"method": ["genetic"]}, "method: found"),
+    ({"cost": "frac"}, 'cost: found \'frac\', expected "logarithmic" or "relative"'),
+    ({"cost": None}, "cost: found None"),
+    ({"loss": "l1"}, 'loss: found \'l1\', expected "squares" or "huber" or "cauchy"'),
+    ({"genetic": "fast", "method": "genetic"}, "genetic: found a str, expected a Genetic"),
+    ({"genetic": am.Genetic()}, r'genetic: found options beside method="continuation"'),
+    ({"starts": 0}, f"starts: found 0, {WHOLE} 1"),
+    ({"starts": 1.5}, f"starts: found 1.5, {WHOLE} 1"),
+    ({"starts": True}, f"starts: found True, {WHOLE} 1"),
+    ({"starts": "4"}, f"starts: found '4', {WHOLE} 1"),
+    ({"seed": -1}, f"seed: found -1, {WHOLE} 0"),
+    ({"seed": None}, f"seed: found None, {WHOLE} 0"),
+    ({"threads": 0}, f"threads: found 0, {WHOLE} 1"),
+    ({"threads": "all"}, f"threads: found 'all', {WHOLE} 1"),
+    ({"tolerance": "tight"}, "tolerance: found tight, expected a number"),
+    ({"tolerance": None}, "tolerance: found None, expected a number"),
+    ({"tolerance": 1j}, "tolerance: found 1j, expected a number"),
+    ({"tolerance": np.ones(2)}, r"tolerance: found \[1. 1.\], expected a number"),
+    ({"max_evaluations": 1.5}, f"max_evaluations: found 1.5, {WHOLE} 1"),
+    ({"max_evaluations": np.nan}, f"max_evaluations: found nan, {WHOLE} 1"),
+    ({"max_evaluations": "many"}, f"max_evaluations: found 'many', {WHOLE} 1"),
+    ({"checkpoint": 5}, "checkpoint: found 5, expected the path of a file"),
+    ({"checkpoint": "."}, "checkpoint .: found a place that cannot be read"),
+    ({"checkpoint": "no/such/folder/run.json"}, "found no such folder"),
+    ({"progress": 5}, "progress: found 5, expected a function of one Progress"),
+]
+
+
+@pytest.mark.parametrize(("options", "message"), ABSURD, ids=lambda value: str(value)[:60])
+def test_an_absurd_option_is_refused_in_one_line(options: dict[str, Any], message: str) -> None:
+    refused(UpdateError, message, DATA, **options)
+
+
+@pytest.mark.parametrize("given", [None, 5, "milling", [DATA, 5], (DATA, None)])
+def test_what_is_no_measurement_is_refused(given: Any) -> None:
+    refused(UpdateError, r"measurements: found .*, expected at least one Measurement", given)
+
+
+@pytest.mark.parametrize("robot", [None, "huynh_3r", 5])
+def test_what_is_no_robot_is_refused(robot: Any) -> None:
+    refused(UpdateError, r"robot: found a \w+, expected a Robot", DATA, robot=robot)
+
+
+def test_ties_that_contradict_each_other_the_bounds_or_what_is_held_are_refused() -> None:
+    tie = rf"tie of {OTHER}, {STIFFNESS}"
+    refused(
+        UpdateError,
+        rf"{tie}: found bounds that have no value in common, expected bounds that overlap. Widen them",
+        DATA,
+        ties=[[STIFFNESS, OTHER]],
+        bounds={STIFFNESS: (1e6, 1.6e6), OTHER: (1.7e6, 3e6)},
+    )
+    refused(
+        UpdateError,
+        rf"ties: found {OTHER} in two of them, .* Join them",
+        DATA,
+        ties=[[STIFFNESS, OTHER], [OTHER, LAST]],
+    )
+    for hold in (STIFFNESS, {STIFFNESS: 1.5e6}):
+        message = rf"{tie}: found {STIFFNESS}, which is held, expected numbers that are all fitted"
+        refused(UpdateError, message, DATA, ties=[[STIFFNESS, OTHER]], hold=hold)
+
+
+def test_a_robust_loss_or_another_cost_of_modes_alone_is_refused() -> None:
+    found = am.modes(THREE_R, "milling")
+    modes = am.ModalMeasurement("milling", found.natural_freq_hz, found.damping_ratio)
+    refused(UpdateError, 'loss: found "huber" for modes alone, expected "squares"', modes, loss="huber")
+    refused(UpdateError, 'cost: found "relative" for modes alone, expected "logarithmic"', modes, cost="relative")
+
+
+ONES = np.ones(60)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"mask": np.zeros(60, bool)}, "mask: found false everywhere, expected true for at least one value"),
+        ({"mask": np.ones(60, int)}, "mask: found .*, expected booleans"),
+        ({"mask": "all"}, "mask: found .*, expected booleans"),
+        ({"mask": [None] * 60}, "mask: found .*, expected booleans"),
+        ({"mask": np.ones(59, bool)}, r"mask: found shape \(59,\), expected shape \(60,\) or \(60, 3, 3\)"),
+        ({"coherence": 0 * ONES}, "coherence: found zero everywhere, expected at least one above zero"),
+        ({"coherence": 1.1 * ONES}, "coherence: found a value out of range, expected γ² from 0 to 1"),
+        ({"coherence": -ONES}, "coherence: found a value out of range"),
+        ({"coherence": np.nan * ONES}, "coherence: found a value out of range"),
+        ({"coherence": 1j * ONES}, "coherence: found .*, expected numbers"),
+        ({"coherence": "good"}, "coherence: found .*, expected numbers"),
+        ({"coherence": 0.9}, r"coherence: found shape \(\)"),
+        ({"coherence": [[1], [1, 2]]}, "coherence: found .*, expected numbers"),
+        ({"band": (40, 50)}, "band: found no value from 40 to 50 Hz, expected at least one"),
+        ({"band": (5.1, 5.2)}, "band: found no value from 5.1 to 5.2 Hz"),
+        ({"band": (10, 5)}, r"band: found \(10, 5\), expected \(low, high\) in Hz"),
+        ({"band": 5}, r"band: found 5, expected \(low, high\) in Hz"),
+        ({"band": (1, 2, 3)}, r"expected \(low, high\) in Hz"),
+        ({"band": ("a", "b")}, r"expected \(low, high\) in Hz"),
+        ({"band": (np.nan, 5)}, r"expected \(low, high\) in Hz"),
+        ({"band": (1j, 2)}, r"expected \(low, high\) in Hz"),
+        ({"mask": FREQ_HZ > 20, "band": (1, 10)}, "band: found no value from 1 to 10 Hz"),
+    ],
+    ids=lambda value: str(value)[:40],
+)
+def test_what_leaves_nothing_to_fit_or_does_not_fit_itself_is_refused(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(UpdateError, match=message) as caught:
+        Measurement(H, "milling", label="tap test 7", **options)
+    assert_one_line(caught.value)
+    assert str(caught.value).startswith("tap test 7: ")
+
+
+def test_fewer_numbers_than_parameters_are_refused_and_as_many_leave_every_interval_open() -> None:
+    three, two = (H.band(5, 5.1).select(outputs="x", inputs=axes) for axes in ("xyz", "xy"))
+    message = "measurements: found 4 numbers for 6 parameters, expected at least as many .* give priors"
+    refused(UpdateError, message, Measurement(two, "milling", weights="uniform"))
+    # Six numbers tell six parameters, but not how much noise there was.
+    fit = am.update(THREE_R, Measurement(three, "milling", weights="uniform"))
+    assert {p.verdict for p in fit.parameters} == {"not identifiable"}
+    assert any("Nothing is identified" in doubt for doubt in fit.doubts)
+    # What has weight zero is no number, and neither is a tie's second.
+    weights = np.array([[[1.0, 1.0, 0.0]]])
+    refused(UpdateError, "found 4 numbers for 6", Measurement(three, "milling", weights=weights))
+    tied = am.update(THREE_R, Measurement(two, "milling", weights="uniform"), ties=["stiffness"])
+    assert len(tied.parameters) == 4
+    modes = am.ModalMeasurement("milling", am.modes(THREE_R, "milling").natural_freq_hz)
+    refused(UpdateError, "found 3 numbers for 6 parameters", modes)
+
+
+def noisy(G: am.Frf, noise: float, seed: int = 1) -> am.Frf:
+    real, imaginary = np.random.default_rng(seed).standard_normal((2, *G.values.shape))
+    return replace(G, values=G.values * (1 + noise * (real + 1j * imaginary)))
+
+
+def test_a_band_without_any_resonance_is_doubted_by_name() -> None:
+    # The lowest mode is at 10 Hz.
+    below = noisy(am.frf(THREE_R, "milling", np.linspace(0.1, 1, 40), frame="sensor"), 0.01)
+    fit = am.update(THREE_R, Measurement(below, "milling", weights="uniform", label="tap test 7"))
+    assert any("No response of tap test 7 has a resonance between 0.1 and 1 Hz" in doubt for doubt in fit.doubts)
+    assert any(p.verdict == "not identifiable" for p in fit.parameters if p.path.endswith("damping"))
+    both = am.update(THREE_R, [Measurement(below, "milling", label="tap test 7"), DATA])
+    assert sum("has a resonance" in doubt for doubt in both.doubts) == 1
+    assert not am.update(THREE_R, DATA).doubts
+
+
+def test_noise_in_which_nothing_is_left_is_said() -> None:
+    # Dampings from where only stiffness shows: 2 ζ f/f_n = some 1e-3 of the response, in 10 % of noise.
+    below = noisy(am.frf(THREE_R, "milling", np.linspace(0.1, 1, 15), frame="sensor"), 0.1)
+    fit = am.update(THREE_R, Measurement(below, "milling", weights="uniform"), parameters="damping")
+    assert not {p.verdict for p in fit.parameters} & {"identified", "weak"}
+    (said,) = (doubt for doubt in fit.doubts if doubt.startswith("Nothing is identified"))
+    assert "with a noise of" in said
+    drowned = am.update(THREE_R, Measurement(noisy(H, 3.0), "milling"), max_evaluations=100)
+    assert any("does not explain these data" in doubt for doubt in drowned.doubts)
+    assert "identified" not in {p.verdict for p in drowned.parameters}
+
+
+@pytest.mark.parametrize("limit", [1, 2, 5, 20, 60])
+@pytest.mark.parametrize("seed", range(3))
+def test_no_fit_ends_above_its_start_whatever_the_data(limit: int, seed: int) -> None:
+    elsewhere = am.frf(THREE_R, [0.4, 0.9, -1.2], FREQ_HZ, frame="sensor")
+    rng = np.random.default_rng(seed)
+    start = THREE_R.with_values({p: v * 3 ** rng.uniform(-1, 1) for p, v in THREE_R.parameters().items()})
+    for data in (Measurement(elsewhere, "milling"), Measurement(noisy(H, 0.5, seed), "milling", weights="uniform")):
+        fit = am.update(start, data, max_evaluations=limit)
+        assert fit.cost <= fit.start_cost

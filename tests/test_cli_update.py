@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -91,6 +94,28 @@ def test_ctrl_c_in_a_fit_keeps_the_best_so_far(
     assert "The fit was interrupted" in run.words
     assert am.load(robot).parameters() != am.load(START).parameters()
     assert files(tmp_path) == ["new.yaml", "r.html"]
+
+
+def test_a_signal_without_a_terminal_keeps_the_best_and_says_how_to_go_on(tmp_path: Path) -> None:
+    words = ("update", START, MEASURED, "-o", "new.yaml", "--force", "--method", "genetic", "--checkpoint", "run.json")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "armonic", *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        cwd=tmp_path,
+        text=True,
+        encoding="utf-8",
+        env=os.environ | {"PYTHONIOENCODING": "utf-8"},
+    )
+    while not (tmp_path / "run.json").exists() and process.poll() is None:
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "The fit was interrupted" in " ".join(out.split())
+    assert err.endswith(" was kept and written; the same command goes on from run.json\n")
+    assert err.count("\n") == 1
+    assert files(tmp_path) == ["new.yaml", "run.json"]
 
 
 def test_ctrl_c_before_the_fit_writes_nothing(

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import replace
 from functools import cache
-from typing import Any
 
 import numpy as np
 import pytest
 from scipy.stats import binom
 
 import armonic as am
-from robot_files import START
 
 DRAWS, NOISE = 200, 0.01
 FREQ_HZ = np.arange(1, 151) / 5
@@ -21,18 +19,20 @@ UNLIKELY = 1e-5
 
 
 @cache
-def drawn(name: str, weights: str, method: str = "continuation") -> tuple[am.Fit, ...]:
-    """Fits to 200 draws of noise, each from the truth, within the bounds of Table 4 for the KUKA."""
+def drawn(name: str, weights: str) -> tuple[am.Fit, ...]:
+    """Fits to 200 draws of noise, each from the truth; the KUKA of the catalog has no bounds but a factor of 1000.
+
+    There the ladder has nothing to find; only one of the four has it, for it takes most of the time.
+    """
+    method = "continuation" if (name, weights) == ("huynh_3r", "peaks") else "least_squares"
     robot = am.load(name)
     H = am.frf(robot, "milling", FREQ_HZ, frame="sensor")
-    table_4 = am.load(START)
-    bounds: Any = {p: table_4.bounds(p) for p in robot.parameters()} if name == "kuka_kr90" else None
     fits = []
     for seed in range(DRAWS):
         real, imaginary = np.random.default_rng([seed, 8]).standard_normal((2, *H.values.shape))
         G = replace(H, values=H.values * (1 + NOISE * (real + 1j * imaginary)))
         data = am.Measurement(G, "milling", weights=weights)  # type: ignore[arg-type]
-        fits.append(am.update(robot, data, bounds=bounds, method=method))  # type: ignore[arg-type]
+        fits.append(am.update(robot, data, method=method))  # type: ignore[arg-type]
     return tuple(fits)
 
 
@@ -57,13 +57,11 @@ def test_three_axis_intervals_hold_the_truth_92_to_98_times_of_a_hundred(weights
 
 @pytest.mark.parametrize("weights", ["peaks", "uniform"])
 def test_intervals_of_what_the_kuka_identifies_hold_the_truth_92_to_98_times_of_a_hundred(weights: str) -> None:
-    # Started at the truth, so the ladder has nothing to find; it is left out to be quick.
-    fits = drawn("kuka_kr90", weights, "least_squares")
+    fits = drawn("kuka_kr90", weights)
     truth = am.load("kuka_kr90").parameters()
     verdicts = {p.path: Counter(fit.parameters[i].verdict for fit in fits) for i, p in enumerate(fits[0].parameters)}
     identified = [path for path, verdict in verdicts.items() if verdict["identified"] > 0.95 * DRAWS]
-    assert len(identified) >= 8
-    assert set(p for p in identified if p.endswith("stiffness")) >= set(list(truth)[:2:2])
+    assert sum(path.endswith("stiffness") for path in identified) >= 8
     count = {path: n for path, n in hits(fits, truth).items() if path in identified}
     assert 0.92 <= sum(count.values()) / (len(count) * DRAWS) <= 0.98
     assert all(n >= binom.ppf(UNLIKELY, DRAWS, 0.95) for n in count.values()), count
@@ -71,7 +69,7 @@ def test_intervals_of_what_the_kuka_identifies_hold_the_truth_92_to_98_times_of_
 
 def test_the_kuka_leaves_at_least_four_dampings_open_and_they_are_not_called_identified() -> None:
     # At 1 % noise one posture determines all nine stiffnesses and leaves four of the nine dampings, the smallest, open.
-    fits = drawn("kuka_kr90", "peaks", "least_squares")
+    fits = drawn("kuka_kr90", "peaks")
     truth = am.load("kuka_kr90").parameters()
     smallest = sorted((p for p in truth if p.endswith("damping")), key=lambda p: truth[p])[:4]
     for fit in fits:

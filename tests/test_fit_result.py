@@ -405,4 +405,4 @@ def test_a_residual_far_above_the_scatter_of_the_lines_is_doubted_as_systematic(
         am.update(THREE_R, Measurement(data, "milling", weights="uniform")) for data in (H, replace(H, values=values))
     )
     assert honest.doubts == ()
-    assert any("times what neighbouring lines scatter" in doubt for doubt in skewed.doubts)
+    assert any("times what lines scatter" in doubt for doubt in skewed.doubts)

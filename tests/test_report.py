@@ -16,7 +16,7 @@ import armonic as am
 from armonic import plots
 from armonic.errors import DataFileError, FrfError
 from armonic.report import render
-from armonic.updating import Fit, FittedParameter
+from armonic.updating import Fit, FittedParameter, Parameter
 from pages import HOSTILE, Page, figures, numbers, outside
 
 # Degrees and magnitudes go through one conversion each way, of a few rounded operations.
@@ -38,6 +38,14 @@ def parameter(path: str = "links.arm.elasticity.z.stiffness", **changes: Any) ->
     values: dict[str, Any] = {"unit": "N m/rad", "start": 1e6, "value": 2e6, "lower": 5e5, "upper": 8e6}
     values |= {"interval": (1.9e6, 2.1e6), "verdict": "identified"}
     return FittedParameter(path, **(values | changes))
+
+
+def of(fit: Fit, parameters: tuple[FittedParameter, ...], **changes: Any) -> Fit:
+    """The fit as one of other parameters, each known by itself to a hundredth."""
+    count = len(parameters)
+    coordinates = tuple(Parameter(p.path, (p.path,), p.unit, p.start, p.lower, p.upper) for p in parameters)
+    known = {"covariance": 1e-4 * np.eye(count), "information": 1e4 * np.eye(count)}
+    return replace(fit, parameters=parameters, coordinates=coordinates, **known, **changes)
 
 
 OPEN = (0.0, np.inf)
@@ -66,7 +74,9 @@ def test_every_response_in_the_report_is_the_one_given(fit: Fit) -> None:
         given = {"measured": measurement.frf, "before": fit.frf_before[k], "after": fit.frf_after[k]}
         traces = {(trace["name"], trace["yaxis"]): trace for trace in drawn[k]}
         columns = len(measurement.frf.inputs)
-        assert len(traces) == len(drawn[k]) == 3 * 2 * len(measurement.frf.outputs) * columns
+        bands = [trace for trace in drawn[k] if trace["name"] == plots.BAND_NAME]
+        assert len(bands) == 2 * len(measurement.frf.outputs) * columns
+        assert len(traces) - len(bands) == 3 * len(bands)
         for (name, frf), i, j in product(given.items(), range(len(measurement.frf.outputs)), range(columns)):
             pane = 2 * (i * columns + j) + 1
             magnitude = traces[name, f"y{pane}" if pane > 1 else "y"]
@@ -80,7 +90,7 @@ def test_every_response_in_the_report_is_the_one_given(fit: Fit) -> None:
 
 
 def test_the_report_says_how_the_fit_went(fit: Fit) -> None:
-    fit = replace(fit, parameters=FOUR, cost=0.25, start_cost=1250.0, evaluations=34, duration_s=200.0)
+    fit = of(fit, FOUR, cost=0.25, start_cost=1250.0, evaluations=34, duration_s=200.0)
     text = " ".join(Page(render(fit, title="Cell 7")).text.split())
     assert "Cell 7" in text
     assert "The cost fell from 1250 to 0.2500 in 34 evaluations and 3 min 20 s." in text
@@ -106,7 +116,7 @@ def test_the_report_says_how_the_fit_ended(fit: Fit, status: Any, words: str) ->
 
 
 def test_every_verdict_is_shown_with_its_interval(fit: Fit) -> None:
-    rows = {row[0]: row for row in Page(render(replace(fit, parameters=FOUR))).rows if row}
+    rows = {row[0]: row for row in Page(render(of(fit, FOUR))).rows if row}
     shown = [rows[p.path][4:] for p in FOUR]
     assert shown == [
         ["1.900e6 … 2.100e6", "500.0e3 … 8.000e6", "identified"],
@@ -144,23 +154,29 @@ def test_parameters_with_one_short_name_keep_their_own_rows(fit: Fit) -> None:
     assert list(figure.layout.yaxis.ticktext) == [p.path for p in clash]
 
 
-def test_names_from_files_stay_text(fit: Fit) -> None:
-    robot = am.Robot.from_yaml(fit.start.to_yaml().replace("name: ", f"name: {json.dumps(HOSTILE)} #", 1))
+def named(fit: Fit, name: str) -> Fit:
+    """The fit with one name for all that has one in the user's files."""
+    robot = am.Robot.from_yaml(fit.start.to_yaml().replace("name: ", f"name: {json.dumps(name)} #", 1))
     frf = fit.measurements[1].frf
-    odd = replace(frf, outputs=(HOSTILE,))
-    measurement = am.Measurement(frf, [0.2, 1.0, -1.4], label=HOSTILE)
+    odd = replace(frf, outputs=(name,))
+    measurement = am.Measurement(frf, [0.2, 1.0, -1.4], label=name)
     object.__setattr__(measurement, "frf", odd)
-    hostile = replace(
-        fit,
+    return of(
+        replace(fit, record=replace(fit.record, robot=name, measurements=((name, "0" * 64),), options={name: name})),
+        (parameter(f"links.{name}.elasticity.z.stiffness"), *fit.parameters[1:]),
         start=robot,
         measurements=(fit.measurements[0], measurement),
         frf_before=(fit.frf_before[0], odd),
         frf_after=(fit.frf_after[0], odd),
-        parameters=(parameter(f"links.{HOSTILE}.elasticity.z.stiffness"), *fit.parameters[1:]),
-        postures=(HOSTILE, "b"),
-        message=HOSTILE,
+        postures=(name, "b"),
+        message=name,
     )
-    page, plain = Page(render(hostile)), Page(render(fit))
+
+
+def test_names_from_files_stay_text(fit: Fit) -> None:
+    hostile = named(fit, HOSTILE)
+    frf = hostile.measurements[1].frf
+    page, plain = Page(render(hostile)), Page(render(named(fit, "plain")))
     assert [tag for tag, _ in page.tags] == [tag for tag, _ in plain.tags]
     assert not any(name.startswith("on") for _, attributes in page.tags for name in attributes)
     assert page.text.count(HOSTILE) >= 5
@@ -168,7 +184,10 @@ def test_names_from_files_stay_text(fit: Fit) -> None:
     # Plotly would take tags in its texts for its own.
     assert "<script" not in json.dumps(figures(page))
     for figure in (
-        plots.frf_matrix({HOSTILE: odd}),
+        plots.frf_matrix({HOSTILE: frf}),
+        plots.correlation_matrix(hostile),
+        plots.principal_directions(hostile),
+        plots.profile_curve(am.Profile(HOSTILE, np.array([1.0, 2.0]), np.array([0.0, 5.0]), 3.8, (0.5, 1.8), HOSTILE)),
         plots.mac_matrix([[1.0]], [HOSTILE], [HOSTILE], row_title=HOSTILE),
         plots.parameter_intervals(hostile),
     ):

@@ -17,6 +17,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from armonic.assurance import frac
     from armonic.catalog import names as robots
     from armonic.checks import Finding, check
     from armonic.errors import (
@@ -101,6 +102,7 @@ __all__ = [
     "check",
     "correlation",
     "directions",
+    "frac",
     "frf",
     "frf_bands",
     "gain_margins",
@@ -130,6 +132,7 @@ __all__ = [
 __version__ = "0.1.0"
 
 _HOME = {
+    "assurance": ("frac",),
     "catalog": ("robots",),
     "checks": ("Finding", "check"),
     "errors": (

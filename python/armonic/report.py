@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,8 +10,13 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from armonic import plots, text
+from armonic.assurance import frac
+from armonic.errors import ArmonicError
+from armonic.linear import linearize
 from armonic.modal import mac
 from armonic.page import ALLEMANG_BROWN, DO_VU_LIU, embedder, render_page
+from armonic.updating.bands import frf_bands, modal_intervals
+from armonic.updating.directions import directions, sloppy
 from armonic.updating.uncertainty import IDENTIFIED_FACTOR, WEAK_FACTOR
 from armonic.writing import write_whole
 
@@ -24,7 +30,11 @@ if TYPE_CHECKING:
     from armonic.modal import Modes
     from armonic.response import Frf
     from armonic.updating import Fit, FittedParameter, Measurement
+    from armonic.updating.bands import FrfBands
+    from armonic.updating.profile import Profile
 
+MOST_DIRECTIONS = 6
+"""So many sloppy directions are put into words."""
 REFERENCES = (
     (
         "H. N. Huynh, H. Assadi, V. Dambly, E. Rivière-Lorphèvre, O. Verlinden: Direct method for updating"
@@ -35,21 +45,37 @@ REFERENCES = (
     (DO_VU_LIU, "The linear model (Eq. 12), natural frequencies (Eq. 16), the stability verdict (section 3.2)."),
     (ALLEMANG_BROWN, "The modal assurance criterion (MAC)."),
     (
-        "M. A. Branch, T. F. Coleman, Y. Li: A subspace, interior, and conjugate gradient method for"
-        " large-scale bound-constrained minimization problems. SIAM Journal on Scientific Computing, 1999.",
-        "The bounded trust-region solver, as implemented in SciPy.",
+        "W. Heylen, S. Lammens: FRAC: a consistent way of comparing frequency response functions. Proceedings of the"
+        " International Conference on Identification in Engineering Systems, 1996.",
+        "The frequency response assurance criterion (FRAC).",
+    ),
+    (
+        "J. J. Moré: The Levenberg-Marquardt algorithm, implementation and theory. Numerical Analysis, 1978.",
+        "The trust region of the least squares.",
+    ),
+    ("P. L. Duren: Theory of H^p Spaces. 1970.", "Responses smoothed off the imaginary axis (chapter 11)."),
+    (
+        "H. White: A heteroskedasticity-consistent covariance matrix estimator and a direct test for"
+        " heteroskedasticity. Econometrica, 1980.",
+        "Intervals under weights that are not those of the noise.",
+    ),
+    (
+        "R. N. Gutenkunst et al.: Universally sloppy parameter sensitivities in systems biology models. PLoS"
+        " Computational Biology, 2007.",
+        "Stiff and sloppy directions.",
     ),
 )
 """What a fit rests on, and for what."""
 
 
-def write_report(fit: Fit, path: str | Path, *, title: str | None = None) -> Path:
-    """Write the report of a fit: responses, cost, parameters, modes, and what they rest on.
+def write_report(fit: Fit, path: str | Path, *, title: str | None = None, profiles: Sequence[Profile] = ()) -> Path:
+    """Write the report of a fit: responses, cost, parameters, what the data determine, modes, and what they rest on.
 
     Args:
         fit: what `armonic.update` returned.
         path: the HTML file to write; it is replaced whole or not at all.
         title: the heading; by default "Model update" and the robot's name.
+        profiles: profile likelihoods to show, from `armonic.profile`.
 
     Returns:
         The path.
@@ -59,12 +85,12 @@ def write_report(fit: Fit, path: str | Path, *, title: str | None = None) -> Pat
 
     """
     target = Path(path)
-    page = render(fit, title=title)
+    page = render(fit, title=title, profiles=profiles)
     write_whole(target, page.encode("utf-8", "replace"))  # a label may hold half a character
     return target
 
 
-def render(fit: Fit, *, title: str | None = None) -> str:
+def render(fit: Fit, *, title: str | None = None, profiles: Sequence[Profile] = ()) -> str:
     """The report as a text of HTML; `write_report` writes it to a file."""
     embed = embedder()
     content = {
@@ -83,10 +109,13 @@ def render(fit: Fit, *, title: str | None = None) -> str:
         "interval_figure": embed(plots.parameter_intervals(fit)),
         "identified": f"{100 * (IDENTIFIED_FACTOR - 1):g} %",
         "weak": f"{WEAK_FACTOR:g}",
-        "noise": text.format_percent(fit.noise, digits=2),
+        "noise": text.noise_words(fit),
+        "determined": _determined(fit, embed),
+        "profiles": [_profile(fit, profile, embed) for profile in profiles],
         "postures": [_posture(fit, k, embed) for k in range(len(fit.postures))],
         "references": REFERENCES,
         "message": fit.message,
+        "record": _record(fit),
     }
     return render_page("report.html.j2", content)
 
@@ -135,6 +164,10 @@ def _measurement(fit: Fit, k: int, embed: Callable[[go.Figure], Markup]) -> dict
     f = m.frf.freq_hz
     band = f"{text.format_si(f[0], digits=3)} to {text.format_si(f[-1], digits=3)} Hz"
     new, old = _deviation([m.frf], [after]), _deviation([m.frf], [before])
+    figure = plots.frf_matrix({"measured": m.frf, "before": before, "after": after})
+    bands = _bands(fit, m)
+    if bands is not None:
+        plots.add_bands(figure, bands)
     return {
         "label": m.label,
         "facts": (
@@ -145,8 +178,90 @@ def _measurement(fit: Fit, k: int, embed: Callable[[go.Figure], Markup]) -> dict
             f"Median deviation from the measurement: {text.format_percent(new[0])} in magnitude and "
             f"{_degrees(new[1])} in phase (before: {text.format_percent(old[0])} and {_degrees(old[1])})."
         ),
-        "figure": embed(plots.frf_matrix({"measured": m.frf, "before": before, "after": after})),
+        "figure": embed(figure),
+        "band": _band_words(bands) if bands is not None else "",
+        "inputs": m.frf.inputs,
+        "frac": _frac(m, before, after),
     }
+
+
+def _bands(fit: Fit, m: Measurement) -> FrfBands | None:
+    """What the parameters' intervals make of the fitted responses; None if nothing can be said."""
+    H, options = m.frf, {"frame": m.frame, "kind": m.frf.kind, "input_frame": m.frf.input_frame}
+    try:
+        return frf_bands(fit, m.posture, H.freq_hz, outputs=H.outputs, inputs=H.inputs, **options)  # type: ignore[arg-type]
+    except ArmonicError:
+        return None
+
+
+def _band_words(bands: FrfBands) -> str:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        factor = np.where(bands.low > 0, np.sqrt(bands.high / bands.low), 1.0)
+    line, a, b = (int(i) for i in np.unravel_index(np.argmax(factor), factor.shape))
+    middle, widest = (text.format_spread(1 / f, f) for f in (float(np.median(factor)), float(factor[line, a, b])))
+    place = f"H_{bands.frf.outputs[a]}{bands.frf.inputs[b]} at {bands.frf.freq_hz[line]:.4g} Hz"
+    told = (
+        "The 95 % band is what the parameters' intervals make of the fitted magnitude and phase; its half width is "
+        f"{middle} of the magnitude in the median and {widest} at most, in {place}."
+    )
+    if share := float(np.mean(bands.open)):
+        told += f" In {text.format_percent(share, digits=2)} of the values bounds hold it rather than data."
+    return told
+
+
+def _frac(m: Measurement, before: Frf, after: Frf) -> list[tuple[str, list[str]]]:
+    """FRAC of every response before and after, by rows of the matrix."""
+    used = m.line_weights() > 0
+    old, new = (frac(m.frf, replace(m.frf, values=side.values), used=used) for side in (before, after))
+    return [
+        (output, [f"{old[a, b]:.3f} → {new[a, b]:.3f}".replace("nan", "–") for b in range(old.shape[1])])
+        for a, output in enumerate(m.frf.outputs)
+    ]
+
+
+def _determined(fit: Fit, embed: Callable[[go.Figure], Markup]) -> dict[str, Any]:
+    """Directions in words and as a picture, and correlations; of one parameter there is nothing to say."""
+    if len(fit.coordinates) < 2:
+        return {}
+    found = directions(fit)
+    loose = sloppy(found)
+    return {
+        "sloppy": [d.words for d in loose[:MOST_DIRECTIONS]],
+        "more": max(len(loose) - MOST_DIRECTIONS, 0),
+        "best": found[0].words,
+        "worst": found[-1].words,
+        "figure": embed(plots.principal_directions(fit)),
+        "correlations": embed(plots.correlation_matrix(fit)),
+    }
+
+
+def _profile(fit: Fit, profile: Profile, embed: Callable[[go.Figure], Markup]) -> dict[str, Any]:
+    linear = next((p.interval for p in fit.parameters if p.path == profile.path), None)
+    return {
+        "path": profile.path,
+        "interval": text.format_interval(*profile.interval),
+        "linear": text.format_interval(*linear) if linear else "–",
+        "unit": profile.unit.replace(" ", "·"),
+        "figure": embed(plots.profile_curve(profile)),
+    }
+
+
+def _record(fit: Fit) -> list[tuple[str, str]]:
+    """The run's record by names for people."""
+    r = fit.record
+    versions = f"Armonic {r.armonic}, Python {r.python}, NumPy {r.numpy}, SciPy {r.scipy}"
+    options = ", ".join(f"{name} = {value}" for name, value in r.options.items() if value not in (None, {}, []))
+    return [
+        ("method", r.method),
+        ("options", options),
+        ("seed", str(r.seed)),
+        ("started", r.started),
+        ("versions", versions),
+        ("robot", f"{r.robot}, SHA-256 {r.robot_sha256}"),
+        *((f"measurement {label}", f"SHA-256 {digest}") for label, digest in r.measurements),
+        ("parameters", ", ".join(r.parameters)),
+        ("fingerprint", r.fingerprint),
+    ]
 
 
 def _posture_text(measurement: Measurement) -> str:
@@ -174,7 +289,7 @@ def _posture(fit: Fit, k: int, embed: Callable[[go.Figure], Markup]) -> dict[str
     before, after, cross = fit.before[k], fit.after[k], fit.mac[k]
     old, new = _frequencies(before), _frequencies(after)
     partner = dict(zip(*(index.tolist() for index in linear_sum_assignment(-cross.T)), strict=True))
-    rows = [
+    rows: list[dict[str, Any]] = [
         {
             "mac": f"{cross[partner[j], j]:.2f}" if j in partner else "–",
             "before": _mode(before, partner[j]) if j in partner else None,
@@ -182,6 +297,8 @@ def _posture(fit: Fit, k: int, embed: Callable[[go.Figure], Markup]) -> dict[str
         }
         for j in range(len(after))
     ]
+    for row, interval in zip(rows, _modal_intervals(fit, k), strict=False):
+        row["after"] |= interval
     lost = sorted(set(range(len(before))) - set(partner.values()))
     rows += [{"mac": "–", "before": _mode(before, i), "after": None} for i in lost]
     return {
@@ -196,6 +313,26 @@ def _posture(fit: Fit, k: int, embed: Callable[[go.Figure], Markup]) -> dict[str
             ),
         ],
     }
+
+
+def _modal_intervals(fit: Fit, k: int) -> list[dict[str, str]]:
+    """Intervals of natural frequency and damping ratio of the modes after; none if they cannot be told."""
+    try:
+        everywhere: list[Any] = [*(m.posture for m in fit.measurements), *(m.posture for m in fit.modal_measurements)]
+        here = [posture for posture in everywhere if linearize(fit.start, posture).posture == fit.postures[k]]
+        found = modal_intervals(fit, here[0])
+    except (ArmonicError, IndexError):
+        return []
+    if len(found.modes) != len(fit.after[k]):
+        return []
+    sides = found.natural_freq_hz, found.damping_ratio
+    told = [[_half(*ends, held=bool(o)) for ends, o in zip(side, found.open[:, i], strict=True)]
+            for i, side in enumerate(sides)]  # fmt: skip
+    return [{"natural_spread": f, "damping_spread": d} for f, d in zip(*told, strict=True)]
+
+
+def _half(low: float, high: float, *, held: bool) -> str:
+    return f"{text.format_spread(low, high)}{' *' if held else ''}" if high > low > 0 else ""
 
 
 def _titles(rows: str) -> dict[str, str]:
@@ -214,4 +351,6 @@ def _mode(modes: Modes, i: int) -> dict[str, str]:
         "damped": text.format_hz(float(modes.damped_freq_hz[i])) if modes.oscillatory[i] else "real pole",
         "damping": text.format_si(100 * float(modes.damping_ratio[i]), digits=3),
         "movers": ", ".join(movers) or "–",
+        "natural_spread": "",
+        "damping_spread": "",
     }

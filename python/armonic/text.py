@@ -131,6 +131,17 @@ def frf_unit(kind: Kind, output: str, force: str) -> str:
     return f"{f'({response})' if '/' in response else response}/{'(N·m)' if force.startswith('r') else 'N'}"
 
 
+def noise_words(fit: Fit) -> str:
+    """How far model and data are apart, and what the intervals make of it, in one sentence."""
+    if fit.measurements:
+        return (
+            f"Model and measurement differ by about {format_percent(fit.noise, digits=2)} (one standard deviation, "
+            "equal weights); the intervals take that for noise that is the same share of every value."
+        )
+    times = format_si(fit.noise, digits=2)
+    return f"Modelled and measured modes differ by about {times} times the deviations that were stated."
+
+
 def verdict_counts(fit: Fit) -> dict[Verdict, int]:
     """How many parameters have each verdict, all four in order, zeros included."""
     found = Counter(parameter.verdict for parameter in fit.parameters)

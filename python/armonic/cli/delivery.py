@@ -14,6 +14,11 @@ from armonic.errors import ArmonicError
 if TYPE_CHECKING:
     from armonic.updating import Fit
 
+UNDER_LAW = (
+    "Of a number under a law the robot file holds the value where the coordinate, or the load, is zero. In a posture "
+    "it is that and the slope times the coordinate or load there."
+)
+
 
 def deliver(
     fit: Fit,
@@ -50,6 +55,8 @@ def deliver(
         failure = error
     if not as_json:
         show(*fit_tables(fit, postures, true_values), "")
+        if any(p.law is not None for p in fit.coordinates):
+            show(UNDER_LAW, "")
     try:
         if report is not None and failure is None:
             _write_report(fit, report, robot)

@@ -1,6 +1,6 @@
 """Figures as plotly objects: FRF and MAC matrices, fits, surveys, mode shapes and robots."""
 
-from armonic.plots.determined import add_bands, correlation_matrix, principal_directions, profile_curve
+from armonic.plots.determined import BAND_NAME, add_bands, correlation_matrix, principal_directions, profile_curve
 from armonic.plots.fitting import cost_history, parameter_intervals
 from armonic.plots.look import FONT_STACK, TEMPLATE, VERDICT_COLOURS
 from armonic.plots.maps import campbell, damping_map, frequency_map
@@ -11,6 +11,7 @@ from armonic.plots.skeleton import skeleton
 from armonic.plots.slices import heat_map
 
 __all__ = [
+    "BAND_NAME",
     "FONT_STACK",
     "TEMPLATE",
     "VERDICT_COLOURS",

@@ -37,6 +37,8 @@ TICKS = {
 }  # fmt: skip
 LIMITS = (0.25, 2.0)
 """Where a parameter stops to be identified, and to be weak."""
+OPEN_FACTOR = 1e4
+"""What is open by more than this is open altogether."""
 LEAST = 0.04
 """Smaller weights are not drawn."""
 STIFFEST, SLOPPIEST = 6, 24
@@ -122,7 +124,7 @@ def principal_directions(fit: Fit) -> go.Figure:
     if len(found) > STIFFEST + SLOPPIEST:
         found = (*found[:STIFFEST], *found[-SLOPPIEST:])
     order = _by_quantity(fit.coordinates)
-    names = [html.escape(parameter_name(fit.coordinates[i].path)) for i in order]
+    names = [parameter_name(fit.coordinates[i].path) for i in order]
     count, rows = len(names), len(found)
     room = 18 + round(6.4 * max(len(_shortened(name)) for name in names))
     figure = go.Figure(layout={"template": TEMPLATE, "hovermode": "closest", "showlegend": False, "bargap": 0.3})
@@ -145,7 +147,7 @@ def principal_directions(fit: Fit) -> go.Figure:
             "anchor": "y2",
             "range": [-0.7, count - 0.3],
             "tickvals": list(range(count)),
-            "ticktext": [_shortened(name) for name in names],
+            "ticktext": [html.escape(_shortened(name)) for name in names],
             "tickangle": -90,
             "tickfont": {"color": INK},
             "ticks": "",
@@ -163,7 +165,7 @@ def principal_directions(fit: Fit) -> go.Figure:
     _lollipops(figure, found, shares, low, high)
     weights = np.array([direction.weights[order] for direction in found])
     weights[np.abs(weights) < LEAST] = 0.0
-    told = [[html.escape(direction.words), name] for direction in found for name in names]
+    told = [[html.escape(direction.words), html.escape(name)] for direction in found for name in names]
     figure.add_bar(
         x=np.tile(np.arange(count), rows),
         base=np.repeat(np.arange(rows), count),
@@ -211,7 +213,7 @@ def _share(direction: Direction) -> float:
 
 def _spread(direction: Direction) -> str:
     reach = NORMAL_95 * direction.deviation
-    return format_spread(math.exp(-reach), math.exp(reach)) if reach < math.log(1e6) else "open"
+    return format_spread(math.exp(-reach), math.exp(reach)) if reach < math.log(OPEN_FACTOR) else "open"
 
 
 def _verdict(share: float) -> Any:
@@ -277,7 +279,8 @@ def _around(trace: Any, deviation: Array) -> tuple[Array, Array]:
     x, y = np.asarray(trace.x, float), np.asarray(trace.y, float)
     half, gap = np.full(x.shape, np.nan), np.full(1, np.nan)
     half[np.isfinite(x)] = np.minimum(deviation, 180.0)
-    xs, ys = list[Array](), list[Array]()
+    xs: list[Array] = []
+    ys: list[Array] = []
     for piece in np.split(np.arange(len(x)), np.flatnonzero(~np.isfinite(x))):
         whole = piece[np.isfinite(x[piece])]
         if len(whole):
@@ -299,7 +302,7 @@ def profile_curve(profile: Profile) -> go.Figure:
     """
     values = np.asarray(profile.values)
     positive = bool((values > 0).all())
-    name = html.escape(parameter_name(profile.path))
+    name = html.escape(parameter_name(profile.path) + (f", {profile.unit}" if profile.unit else ""))
     figure = go.Figure(layout={"template": TEMPLATE, "height": 300, "showlegend": False, "hovermode": "x"})
     top = max(1.6 * profile.threshold, 1.0)
     logarithmic = positive and values.max() > 3 * values.min()
@@ -309,8 +312,8 @@ def profile_curve(profile: Profile) -> go.Figure:
     figure.update_layout(
         margin={"l": 70, "r": 8, "t": 28, "b": 46},
         xaxis={
-            "title": {"text": f"{name}, {profile.unit}" if profile.unit else name},
-            "exponentformat": "e",
+            "title": {"text": name},
+            "tickformat": ".5~g",
             "type": "log" if logarithmic else "linear",
             "range": [limits[0] - pad, limits[1] + pad],
         },

@@ -28,12 +28,18 @@ if TYPE_CHECKING:
     from armonic.updating import Fit, FittedParameter
     from armonic.updating.uncertainty import Verdict
 
+MOST_STAGES = 16
+"""More stages than this are not parted."""
 FARTHEST = 1000.0
 """Ratios to the fitted value beyond this, or below its inverse, end in an arrow at the edge."""
 
 
 def cost_history(fit: Fit) -> go.Figure:
-    """Draw the best cost (Huynh et al. 2021, Eq. 22) over evaluations, on a logarithmic scale."""
+    """Draw the best cost (Huynh et al. 2021, Eq. 22) over evaluations, on a logarithmic scale.
+
+    Dotted lines part the stages of the run, each of which has its own cost; those off the imaginary axis are named by
+    their distance from it.
+    """
     cost = np.asarray(fit.cost_history, float)
     evaluations = np.arange(1, cost.size + 1)
     figure = go.Figure(layout={"template": TEMPLATE, "height": 270, "showlegend": False, "hovermode": "x"})
@@ -50,6 +56,7 @@ def cost_history(fit: Fit) -> go.Figure:
         marker={"size": 4.5},
         hovertemplate="cost %{y:.4g} after %{x} evaluations<extra></extra>",
     )
+    _part_stages(figure, fit)
     if cost.size and cost[-1] > 0:
         figure.add_annotation(
             x=int(evaluations[-1]),
@@ -62,6 +69,29 @@ def cost_history(fit: Fit) -> go.Figure:
             font={"size": 12, "color": AFTER},
         )
     return figure
+
+
+def _part_stages(figure: go.Figure, fit: Fit) -> None:
+    """A line at the beginning of each stage but the first, and σ above those that have one."""
+    lengths = [len(stage.history) for stage in fit.stages]
+    if not 1 < len(lengths) <= MOST_STAGES or sum(lengths) != len(fit.cost_history):
+        return
+    total, first = sum(lengths), 0
+    for stage, length in zip(fit.stages, lengths, strict=True):
+        if first:
+            line = {"color": "#b9c0c7", "width": 1, "dash": "dot"}
+            figure.add_vline(x=first + 0.5, line=line, layer="below")
+        if stage.sigma > 0 and length > 0.03 * total:
+            figure.add_annotation(
+                x=first + 0.5 + length / 2,
+                y=1,
+                yref="paper",
+                yanchor="bottom",
+                text=f"σ {stage.sigma:.2g}",
+                showarrow=False,
+                font={"size": 11, "color": MUTED},
+            )
+        first += length
 
 
 def parameter_intervals(fit: Fit) -> go.Figure:

@@ -76,6 +76,16 @@ def directions(fit: Fit) -> tuple[Direction, ...]:
     return tuple(told)
 
 
+def sloppy(found: Sequence[Direction]) -> tuple[Direction, ...]:
+    """Those along which some parameter is open by more than a quarter, the sloppiest first.
+
+    Args:
+        found: from `directions`.
+    """
+    limit = np.log(KNOWN_FACTOR)
+    return tuple(d for d in reversed(found) if NORMAL_95 * d.deviation * np.abs(d.weights).max() > limit)
+
+
 def correlation(covariance: Array) -> Array:
     """Correlation coefficients, (c, c); not a number beside a parameter of infinite variance, one on the diagonal.
 

@@ -135,7 +135,7 @@ def beyond_scatter(measurements: Sequence[Measurement], weights: Sequence[Array]
     if not noise > SYSTEMATIC * own:
         return ()
     return (
-        f"Model and measurement differ by {100 * noise:.2g} %, {noise / own:.0f} times what neighbouring lines scatter: that "
-        "is no noise but a model too simple, a local minimum, or responses that no linear reciprocal robot has. The "
-        "intervals do not know of it. Try more starts, laws, other parameters, or symmetrized responses.",
+        f"Model and measurement differ by {100 * noise:.2g} %, {noise / own:.0f} times what lines scatter beside their "
+        "neighbours: that is no noise but a model too simple, a local minimum, or responses that no linear reciprocal "
+        "robot has. The intervals do not know of it. Try more starts, laws, other parameters, or symmetrized responses.",
     )

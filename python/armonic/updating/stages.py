@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -59,7 +59,7 @@ class StageEnd:
         name: as of the stage.
         sigma: distance from the imaginary axis, rad/s.
         history: lowest cost after each evaluation, (E,): of the stage's own residual where σ > 0, else the cost that
-            was asked for.
+            was asked for, if the core computed it.
     """
 
     name: str
@@ -134,7 +134,7 @@ def stages_of(
             return task.residual(even, prices=weights, anchored=anchored)
 
         coarse = max(tolerance, LEVELLED_TOLERANCE)
-        rungs.append(Stage("levelled", 0.0, level, coarse, ANY, priced=not task.relative))
+        rungs.append(Stage("levelled", 0.0, level, coarse, ANY, priced=task.in_core and not task.relative))
     return [*rungs, final]
 
 
@@ -191,7 +191,9 @@ class Walker:
         """Goes through the stages from `start`, or on from where a state was saved: to the same bits."""
         x, ends = np.array(start, float), list[StageEnd]()
         cost, best = np.inf, (np.inf, x)
-        if state is not None:
+        if state is None and len(self.stages) > 1:
+            best = (self._last_cost(x), x)  # the stages may lead to what is worse than where they began
+        elif state is not None:
             x, ends = np.array(state["x"], float), [_end(kept) for kept in state["stages"]]
             cost, price = (np.inf if state[key] is None else state[key] for key in ("cost", "price"))
             best = (price, np.array(state["best"], float))
@@ -228,6 +230,7 @@ class Walker:
                 history = np.concatenate([history, np.minimum(again.history, history.min(initial=np.inf))])
                 if again.cost < cost:
                     x, cost, descent = again.x, again.cost, again
+                descent = replace(descent, ending=again.ending)
             ends.append(StageEnd(stage.name, stage.sigma, history))
             if descent.ending == "interrupted" or (
                 descent.ending == "limit" and (last or used + len(history) >= self.limit)
@@ -244,10 +247,9 @@ class Walker:
                         "stages": [[end.name, end.sigma, _plain(end.history)] for end in ends],
                     }
                 )
-        if not np.isfinite(cost):  # it never came to the last stage
-            # Off the axis the way may lead through points that are worse on it than where it began.
-            options = [best] if np.isfinite(best[0]) else [(self._last_cost(p), p) for p in (x, np.array(start, float))]
-            cost, x = min(options, key=lambda option: option[0])
+        if status != "converged" or not np.isfinite(cost):
+            reached = cost if np.isfinite(cost) else self._last_cost(x)  # it may never have come to the last stage
+            cost, x = min((reached, x), best, key=lambda option: option[0])
         return Run(x, float(cost), tuple(ends), status, np.array(start, float))
 
     def _last_cost(self, x: Array) -> float:

@@ -73,6 +73,11 @@ class Task:
         return np.array(lower), np.array(upper)
 
     @property
+    def in_core(self) -> bool:
+        """Whether the core has the whole residual: responses, stiffness and damping alone."""
+        return not self.modal and self._impedances_alone and all(p.law is None for p in self.parameters)
+
+    @property
     def _impedances_alone(self) -> bool:
         return all(p.is_impedance or not p.paths for p in self.parameters)
 
@@ -107,7 +112,7 @@ class Task:
             self.anchors.indices, self.anchors.means, self.anchors.deviations, anchored * self.anchors.scale
         )
         lawful = any(p.law is not None for p in self.parameters)
-        if not self.modal and not lawful and self._impedances_alone:
+        if self.in_core:
             problem = self._problem(range(len(self.models)), weights, sigma, prices or weights, relative=relative)
             return CoreResidual(problem, self._theta, self.parameters, anchors)
         parts: list[Residual] = []
