@@ -423,13 +423,13 @@ def test_what_leaves_nothing_to_fit_or_does_not_fit_itself_is_refused(options: d
 
 
 def test_fewer_numbers_than_parameters_are_refused_and_as_many_leave_every_interval_open() -> None:
-    three, two = (H.band(5, 5.1).select(outputs="x", inputs=axes) for axes in ("xyz", "xy"))
+    three, two = (H.band(5, 5.1).select(outputs="x", inputs=axes) for axes in (["x", "y", "z"], ["x", "y"]))
     message = "measurements: found 4 numbers for 6 parameters, expected at least as many .* give priors"
     refused(UpdateError, message, Measurement(two, "milling", weights="uniform"))
     # Six numbers tell six parameters, but not how much noise there was.
     fit = am.update(THREE_R, Measurement(three, "milling", weights="uniform"))
     assert {p.verdict for p in fit.parameters} == {"not identifiable"}
-    assert any("Nothing is identified" in doubt for doubt in fit.doubts)
+    assert any("Nothing is identified: there are as many parameters as numbers" in doubt for doubt in fit.doubts)
     # What has weight zero is no number, and neither is a tie's second.
     weights = np.array([[[1.0, 1.0, 0.0]]])
     refused(UpdateError, "found 4 numbers for 6", Measurement(three, "milling", weights=weights))
@@ -457,7 +457,7 @@ def test_a_band_without_any_resonance_is_doubted_by_name() -> None:
 
 def test_noise_in_which_nothing_is_left_is_said() -> None:
     # Dampings from where only stiffness shows: 2 ζ f/f_n = some 1e-3 of the response, in 10 % of noise.
-    below = noisy(am.frf(THREE_R, "milling", np.linspace(0.1, 1, 15), frame="sensor"), 0.1)
+    below = noisy(am.frf(THREE_R, "milling", np.linspace(0.1, 1, 15), frame="sensor"), 0.1, 2)
     fit = am.update(THREE_R, Measurement(below, "milling", weights="uniform"), parameters="damping")
     assert not {p.verdict for p in fit.parameters} & {"identified", "weak"}
     (said,) = (doubt for doubt in fit.doubts if doubt.startswith("Nothing is identified"))
@@ -476,3 +476,11 @@ def test_no_fit_ends_above_its_start_whatever_the_data(limit: int, seed: int) ->
     for data in (Measurement(elsewhere, "milling"), Measurement(noisy(H, 0.5, seed), "milling", weights="uniform")):
         fit = am.update(start, data, max_evaluations=limit)
         assert fit.cost <= fit.start_cost
+
+
+def test_a_number_on_its_bound_that_the_data_know_well_is_not_called_unknown() -> None:
+    fit = am.update(
+        THREE_R.with_values({STIFFNESS: 1.3e6}), DATA, parameters=STIFFNESS, bounds={STIFFNESS: (1e6, 1.5e6)}
+    )
+    assert [(p.verdict, p.value) for p in fit.parameters] == [("at bound", 1.5e6)]
+    assert not any("Nothing is identified" in doubt for doubt in fit.doubts)

@@ -12,10 +12,9 @@ from scipy.optimize import linear_sum_assignment
 from armonic import plots, text
 from armonic.assurance import frac
 from armonic.errors import ArmonicError
-from armonic.linear import linearize
 from armonic.modal import mac
 from armonic.page import ALLEMANG_BROWN, DO_VU_LIU, embedder, render_page
-from armonic.updating.bands import frf_bands, modal_intervals
+from armonic.updating.bands import frf_bands, intervals_after
 from armonic.updating.directions import directions, sloppy
 from armonic.updating.uncertainty import IDENTIFIED_FACTOR, WEAK_FACTOR
 from armonic.writing import write_whole
@@ -316,19 +315,17 @@ def _posture(fit: Fit, k: int, embed: Callable[[go.Figure], Markup]) -> dict[str
 
 
 def _modal_intervals(fit: Fit, k: int) -> list[dict[str, str]]:
-    """Intervals of natural frequency and damping ratio of the modes after; none if they cannot be told."""
-    try:
-        everywhere: list[Any] = [*(m.posture for m in fit.measurements), *(m.posture for m in fit.modal_measurements)]
-        here = [posture for posture in everywhere if linearize(fit.start, posture).posture == fit.postures[k]]
-        found = modal_intervals(fit, here[0])
-    except (ArmonicError, IndexError):
+    """Half intervals of natural frequency and damping ratio of the modes after; none if they cannot be told."""
+    found = intervals_after(fit, k)
+    if found is None:
         return []
-    if len(found.modes) != len(fit.after[k]):
-        return []
-    sides = found.natural_freq_hz, found.damping_ratio
-    told = [[_half(*ends, held=bool(o)) for ends, o in zip(side, found.open[:, i], strict=True)]
-            for i, side in enumerate(sides)]  # fmt: skip
-    return [{"natural_spread": f, "damping_spread": d} for f, d in zip(*told, strict=True)]
+    return [
+        {
+            "natural_spread": _half(*found.natural_freq_hz[i], held=found.open[i, 0]),
+            "damping_spread": _half(*found.damping_ratio[i], held=found.open[i, 1]),
+        }
+        for i in range(len(found.modes))
+    ]
 
 
 def _half(low: float, high: float, *, held: bool) -> str:

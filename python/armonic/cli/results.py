@@ -9,8 +9,9 @@ from armonic.cli.terminal import VERDICT_STYLE, heading, table, warning
 from armonic.text import (
     format_hz,
     format_interval,
-    format_percent,
     format_si,
+    format_spread,
+    noise_words,
     split_path,
     summary,
 )
@@ -22,9 +23,12 @@ if TYPE_CHECKING:
 
     from armonic.modal import Modes
     from armonic.updating import Fit, FittedParameter
+    from armonic.updating.bands import ModalIntervals
 
 NONE = "–"
 """Stands in a table where there is no number."""
+MOST_DIRECTIONS = 4
+"""So many sloppy directions are printed."""
 
 
 def fit_tables(
@@ -37,25 +41,45 @@ def fit_tables(
         postures: what to call each of `fit.postures`.
         true_values: values by path for a column of their own.
     """
+    from armonic.updating.bands import intervals_after
+
     yield heading("Parameters")
     yield _parameter_table(fit.parameters, true_values)
     yield ""
-    for label, before, after, mac in zip(postures, fit.before, fit.after, fit.mac, strict=True):
-        yield heading(f"Modes in posture {label}, before → after, paired by MAC")
-        yield _modal_table(before, after, mac)
+    if len(fit.coordinates) > 1:
+        yield heading("What the data leave open together")
+        yield from _open_words(fit)
         yield ""
-    if fit.measurements:
-        differ = (
-            f"Model and measurement differ by about {format_percent(fit.noise, digits=2)} (one standard deviation, "
-            "equal weights); the intervals take that for noise that is the same share of every value."
-        )
-    else:
-        times = format_si(fit.noise, digits=2)
-        differ = f"Modelled and measured modes differ by about {times} times the deviations that were stated."
-    yield f"{summary(fit)} {differ}"
+    known = [intervals_after(fit, k) for k in range(len(fit.postures))]
+    for label, before, after, mac, intervals in zip(postures, fit.before, fit.after, fit.mac, known, strict=True):
+        yield heading(f"Modes in posture {label}, before → after, paired by MAC")
+        yield _modal_table(before, after, mac, intervals)
+        yield ""
+    if any(intervals is not None for intervals in known):
+        yield "± is half the 95 % interval of natural frequency and of damping, in percent of it or as a factor."
+    if any(intervals is not None and intervals.open.any() for intervals in known):
+        yield "* bounds of parameters hold it, not data."
+    yield ""
+    yield f"{summary(fit)} {noise_words(fit)}"
     for doubt in fit.doubts:
         yield ""
         yield warning(doubt)
+
+
+def _open_words(fit: Fit) -> Iterator[RenderableType]:
+    """The directions along which the data leave parameters open, least known first, a paragraph each."""
+    from rich.padding import Padding
+
+    from armonic.updating.directions import directions, sloppy
+
+    found = directions(fit)
+    loose = sloppy(found)
+    for direction in loose[:MOST_DIRECTIONS]:
+        yield Padding(direction.words, (0, 0, 0, 2))
+    if (more := len(loose) - MOST_DIRECTIONS) > 0:
+        yield f"  ... and {more} more"
+    if not loose:
+        yield Padding(f"Nothing by more than a quarter; least known: {found[-1].words}", (0, 0, 0, 2))
 
 
 def _parameter_table(parameters: Sequence[FittedParameter], true_values: Mapping[str, float] | None) -> RenderableType:
@@ -88,19 +112,31 @@ def _parameter_table(parameters: Sequence[FittedParameter], true_values: Mapping
     return grid
 
 
-def _modal_table(before: Modes, after: Modes, mac: NDArray[np.float64]) -> RenderableType:
+def _modal_table(
+    before: Modes, after: Modes, mac: NDArray[np.float64], intervals: ModalIntervals | None
+) -> RenderableType:
     """Each mode after the fit beside the one before that it resembles most, one to one as in the report."""
     from scipy.optimize import linear_sum_assignment
 
     was = dict(zip(*(index.tolist() for index in linear_sum_assignment(-mac.T)), strict=True))
     rows = [(_mode_words(before, was.get(i)), _mode_words(after, i)) for i in range(len(after))]
     widths = [[max(len(row[side][k]) for row in rows) for k in range(3)] for side in (0, 1)]
-    grid = table(">", ">was", ">natural Hz", ">damped Hz", ">damping %", ">MAC")
+    grid = table(">", ">was", ">natural Hz", ">±", ">damped Hz", ">damping %", ">±", ">MAC")
     for i, (old, new) in enumerate(rows):
-        steps = [f"{old[k]:>{widths[0][k]}} → {new[k]:>{widths[1][k]}}" for k in range(3)]
+        natural, _, damping = (f"{old[k]:>{widths[0][k]}} → {new[k]:>{widths[1][k]}}" for k in range(3))
         pair = (str(was[i] + 1), f"{mac[was[i], i]:.2f}") if i in was else (NONE, NONE)
-        grid.add_row(str(i + 1), pair[0], *steps, pair[1])
+        spreads = (NONE, NONE) if intervals is None else _spreads(intervals, i)
+        grid.add_row(str(i + 1), pair[0], natural, spreads[0], new[1], damping, spreads[1], pair[1])
     return grid
+
+
+def _spreads(intervals: ModalIntervals, i: int) -> tuple[str, str]:
+    told = []
+    for k, side in enumerate((intervals.natural_freq_hz, intervals.damping_ratio)):
+        low, high = (float(end) for end in side[i])
+        spread = format_spread(low, high).removeprefix("± ").replace("×/÷ ", "×÷")
+        told.append(f"{spread}{'*' if intervals.open[i, k] else ''}" if high > low > 0 else NONE)
+    return told[0], told[1]
 
 
 def _mode_words(modes: Modes, i: int | None) -> tuple[str, str, str]:
@@ -128,6 +164,9 @@ def modes_data(modes: Modes) -> list[dict[str, Any]]:
 
 def fit_data(fit: Fit, postures: Sequence[str], true_values: Mapping[str, float] | None = None) -> dict[str, Any]:
     """The whole fit, as in `fit_tables`; an interval end of null is open."""
+    from armonic.updating.bands import intervals_after
+    from armonic.updating.directions import directions
+
     return {
         "status": fit.status,
         "message": fit.message,
@@ -165,14 +204,38 @@ def fit_data(fit: Fit, postures: Sequence[str], true_values: Mapping[str, float]
             }
             for p in fit.parameters
         ],
+        "directions": [
+            {
+                "deviation": direction.deviation,
+                "weights": dict(zip((p.path for p in fit.coordinates), direction.weights.tolist(), strict=True)),
+                "words": direction.words,
+            }
+            for direction in directions(fit)
+        ],
         "postures": [
             {
                 "posture": label,
                 "coordinates": list(before.coordinates),
                 "before": modes_data(before),
                 "after": modes_data(after),
+                "after_intervals": _intervals_data(intervals_after(fit, k)),
                 "mac": mac,
             }
-            for label, before, after, mac in zip(postures, fit.before, fit.after, fit.mac, strict=True)
+            for k, (label, before, after, mac) in enumerate(zip(postures, fit.before, fit.after, fit.mac, strict=True))
         ],
     }
+
+
+def _intervals_data(intervals: ModalIntervals | None) -> list[dict[str, Any]] | None:
+    """95 % intervals of the modes after, and whether bounds hold them rather than data."""
+    if intervals is None:
+        return None
+    return [
+        {
+            "natural_freq_hz": intervals.natural_freq_hz[i],
+            "damped_freq_hz": intervals.damped_freq_hz[i],
+            "damping_ratio": intervals.damping_ratio[i],
+            "open": {"natural_freq_hz": bool(intervals.open[i, 0]), "damping_ratio": bool(intervals.open[i, 1])},
+        }
+        for i in range(len(intervals.modes))
+    ]

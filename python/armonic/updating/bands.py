@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from armonic.errors import ModelError, UpdateError
+from armonic.errors import ArmonicError, ModelError, UpdateError
+from armonic.linear import linearize
 from armonic.modal import modes
 from armonic.synthesis import frf
 from armonic.updating.information import Outlook
@@ -80,10 +81,12 @@ class Prediction:
     Attributes:
         covariance: of x, (c, c), finite: the data's, with every parameter within its bounds.
         bounds: information of those bounds, (c,).
+        reach: half a 95 % interval in standard deviations.
     """
 
     covariance: Array
     bounds: Array
+    reach: float = NORMAL_95
 
     def half(self, slopes: Array) -> tuple[Array, Truths]:
         """Half 95 % intervals (...) of what has these slopes (..., c), and whether they are open.
@@ -94,7 +97,7 @@ class Prediction:
         root = slopes @ self.covariance
         variance = np.maximum((root * slopes).sum(axis=-1), 0.0)
         held = (root**2 * self.bounds).sum(axis=-1)
-        return NORMAL_95 * np.sqrt(variance), np.asarray(held > 0.5 * variance)
+        return self.reach * np.sqrt(variance), np.asarray(held > 0.5 * variance)
 
 
 def predictive_covariance(fit: Fit) -> Array:
@@ -112,7 +115,10 @@ def predictive_covariance(fit: Fit) -> Array:
 
 def _prediction(fit: Fit) -> Prediction:
     lower, upper = (np.array([p.coordinate(getattr(p, end)) for p in fit.coordinates]) for end in ("lower", "upper"))
-    weak = (2 * NORMAL_95 / (upper - lower)) ** 2
+    reach = student(fit)
+    weak = (2 * (reach or NORMAL_95) / (upper - lower)) ** 2
+    if reach is None:  # as many parameters as data: nothing tells the noise
+        return Prediction(np.diag(1 / weak), weak)
     if not np.isfinite(fit.information).all():  # data without any noise at all
         return Prediction(np.zeros((len(weak), len(weak))), weak)
     told = np.diag(fit.information)
@@ -121,7 +127,18 @@ def _prediction(fit: Fit) -> Prediction:
     if len(some):
         inner = np.ix_(some, some)
         total[inner] += _precision(fit.covariance[inner], fit.information[inner], weak[some])
-    return Prediction(_inverse(total), weak)
+    return Prediction(_inverse(total), weak, reach)
+
+
+def student(fit: Fit) -> float | None:
+    """Half a 95 % interval in standard deviations, as the fit's own intervals have it; None if they have no end."""
+    known = [(f.deviation, f, p) for f, p in zip(fit.parameters, fit.coordinates, strict=True) if f.deviation > 0]
+    if not known:
+        return NORMAL_95
+    deviation, f, p = min(known, key=lambda entry: entry[0])
+    if not np.isfinite(f.interval[1]):
+        return None if deviation < 1 else NORMAL_95
+    return abs(p.coordinate(f.interval[1]) - p.coordinate(f.value)) / deviation
 
 
 def _precision(covariance: Array, information: Array, weak: Array) -> Array:
@@ -224,6 +241,25 @@ def modal_intervals(fit: Fit, posture: Posture) -> ModalIntervals:
         damping_ratio=_interval(found.damping_ratio, losing),
         open=np.stack([loose, lossy], axis=-1),
     )
+
+
+def intervals_after(fit: Fit, index: int) -> ModalIntervals | None:
+    """Intervals of the modes `fit.after[index]`; None if its posture is not one of the measurements'.
+
+    Args:
+        fit: what `armonic.update` returned.
+        index: among `fit.postures`.
+    """
+    everywhere: list[Posture] = [m.posture for m in fit.measurements]
+    everywhere += [m.posture for m in fit.modal_measurements]
+    for posture in everywhere:
+        if linearize(fit.start, posture).posture == fit.postures[index]:
+            try:
+                found = modal_intervals(fit, posture)
+            except ArmonicError:
+                return None
+            return found if len(found.modes) == len(fit.after[index]) else None
+    return None
 
 
 def _interval(values: Array, half: Array) -> Array:

@@ -158,14 +158,8 @@ def _known(
     best = np.zeros(len(weights))
     best[a], best[b] = 1.0, weights[b] / weights[a]
     least = NORMAL_95 * deviation / abs(weights[a])
-    for exponents in (np.sign(best), _rounded(best)):
-        reach = _reach(exponents, roots, blind)
-        if reach <= PLAIN * least:
-            if abs(exponents[b]) == 1:
-                kind = "product" if exponents[b] > 0 else "ratio"
-                return f"the {kind} of {listing(names)} is known to {_share(reach)}"
-            return f"{_powers(names, exponents[named])} is known to {_share(reach)}"
-    return ""
+    what, reach = _combination(names, best, float(best[b]), PLAIN * least, roots, blind)
+    return f"{what.replace('their', 'the')} is known to {_share(reach)}" if reach <= PLAIN * least else ""
 
 
 def _nevertheless(
@@ -176,23 +170,26 @@ def _nevertheless(
     names = [_name(parameters[i]) for i in pair]
     best = np.zeros(len(weights))
     best[a], best[b] = 1.0, -weights[a] / weights[b]  # across the direction, within the plane of the two
+    good = min(reach, np.log(OPEN_FACTOR)) / MUCH_BETTER
+    what, left = _combination(names, best, float(best[b]), good, roots, blind)
+    what = what.partition(" of ")[0] if what.startswith("their") else what
+    return f"; {what} is known to {_share(left)}" if left <= good else ""
+
+
+def _combination(
+    names: Sequence[str], best: Array, power: float, good: float, roots: Array, blind: Array
+) -> tuple[str, float]:
+    """The name of a product of two parameters, the second to a power, and half a 95 % interval of its logarithm.
+
+    It is plain, without a power, if the power is one to two digits or the plain one is known well enough as well.
+    """
     plain = np.sign(best)
-    for exponents in (plain, _rounded(best)):
-        left = _reach(exponents, roots, blind)
-        if left <= min(reach, np.log(OPEN_FACTOR)) / MUCH_BETTER:
-            what = f"their {'product' if best[b] > 0 else 'ratio'}"
-            return f"; {what if exponents is plain else _powers(names, exponents[[a, b]])} is known to {_share(left)}"
-    return ""
-
-
-def _rounded(exponents: Array) -> Array:
-    return np.array([float(f"{exponent:.2g}") for exponent in exponents])
-
-
-def _powers(names: Sequence[str], exponents: Array) -> str:
-    """A product of powers, the first of them one: "a.z stiffness × b.z stiffness^0.4"."""
-    (first, second), power = names, float(exponents[1])
-    return f"{first} {'×' if power > 0 else '/'} {second}^{abs(power):g}"
+    reach = _reach(plain, roots, blind)
+    if reach > good and f"{abs(power):.2g}" == "1":
+        reach = _reach(best, roots, blind)
+    if reach <= good:
+        return f"their {'product' if power > 0 else 'ratio'} of {listing([*names])}", reach
+    return f"{names[0]} {'×' if power > 0 else '/'} {names[1]}^{abs(power):.2g}", _reach(best, roots, blind)
 
 
 def _reach(combination: Array, roots: Array, blind: Array) -> float:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from scipy.signal import find_peaks
 
+from armonic.updating.uncertainty import WEAK_FACTOR
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -97,9 +99,22 @@ def without_resonance(measurements: Sequence[Measurement], weights: Sequence[Arr
     return tuple(said)
 
 
-def nothing_identified(parameters: Sequence[FittedParameter], noise: float) -> tuple[str, ...]:
-    """A doubt where no parameter is known to better than a factor."""
+def nothing_identified(parameters: Sequence[FittedParameter], noise: float, freedom: int) -> tuple[str, ...]:
+    """A doubt where no parameter is known to better than a factor, be it at a bound or not.
+
+    Args:
+        parameters: what was fitted.
+        noise: standard deviation of one real part of the log residual.
+        freedom: degrees of freedom behind it.
+    """
     if any(p.verdict in ("identified", "weak") for p in parameters):
+        return ()
+    if freedom < 1:
+        return (
+            "Nothing is identified: there are as many parameters as numbers, and no residual is left to tell the noise "
+            "from. Use more lines, hold some parameters, or give priors.",
+        )
+    if any(p.deviation < np.log(WEAK_FACTOR) / 2 for p in parameters):
         return ()
     return (
         f"Nothing is identified: with a noise of {100 * noise:.2g} % these data narrow no parameter down. Use more or "
@@ -137,5 +152,5 @@ def beyond_scatter(measurements: Sequence[Measurement], weights: Sequence[Array]
     return (
         f"Model and measurement differ by {100 * noise:.2g} %, {noise / own:.0f} times what lines scatter beside their "
         "neighbours: that is no noise but a model too simple, a local minimum, or responses that no linear reciprocal "
-        "robot has. The intervals do not know of it. Try more starts, laws, other parameters, or symmetrized responses.",
+        "robot has. The intervals do not know of it. Try more starts, laws, other parameters or symmetrized responses.",
     )

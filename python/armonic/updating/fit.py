@@ -200,14 +200,14 @@ def _doubted(
     """Verdicts as far as the model explains the data, and what speaks against them."""
     fitted = known.parameters
     if not task.measurements:
-        return fitted, nothing_identified(fitted, known.noise)
+        return fitted, nothing_identified(fitted, known.noise, max(known.freedom, 1))
     doubtful, explained = doubts(task.measurements, frfs, weights, known.noise, factors)
     if not explained:
         fitted = tuple(replace(p, verdict="weak") if p.verdict == "identified" else p for p in fitted)
     elif not doubtful:
         doubtful = beyond_scatter(task.measurements, weights, known.noise)
     silent = without_resonance(task.measurements, weights)
-    return fitted, (*doubtful, *silent, *nothing_identified(fitted, known.noise))
+    return fitted, (*doubtful, *silent, *nothing_identified(fitted, known.noise, known.freedom))
 
 
 def _words(run: Run, limit: int) -> str:

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-from scipy.special import stdtrit
 
 from armonic.errors import UpdateError
+from armonic.updating.bands import student
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -67,7 +67,7 @@ def profile(fit: Fit, path: str) -> Profile:
         path: of a fitted parameter.
 
     Raises:
-        UpdateError: no such parameter, or a fit without any noise.
+        UpdateError: no such parameter, a fit without any noise, or as many parameters as data.
     """
     paths = [p.path for p in fit.coordinates]
     if path not in paths:
@@ -79,8 +79,10 @@ def profile(fit: Fit, path: str) -> Profile:
     known = fit.noise**2 if task.measurements else max(fit.noise, 1.0) ** 2
     weights = [m.precision() * (m.line_weights() > 0) for m in task.measurements]
     residual = replace(task, relative=False).residual(weights, anchored=known if task.measurements else 1.0)
-    freedom = max(2 * sum(int(np.count_nonzero(w)) for w in weights) - len(paths), 1)
-    threshold = float(stdtrit(freedom, 0.975)) ** 2
+    reach = student(fit)
+    if reach is None:
+        raise UpdateError("profile", found="as many parameters as data", expected="more data, which tell the noise")
+    threshold = reach**2
     walk = _Walk(residual, index, *task.box)
     x0 = np.array([q.coordinate(f.value) for q, f in zip(fit.coordinates, fit.parameters, strict=True)])
     x0, least = walk.free(x0)
