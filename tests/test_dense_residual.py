@@ -45,16 +45,17 @@ def moved(robot: am.Robot, parameters: tuple[Parameter, ...], x: Array) -> am.Ro
     return robot.with_values({path: p.value(v) for p, v in zip(parameters, x, strict=True) for path in p.paths})
 
 
-def slopes_by_differences(rows: Callable[[Array], tuple[Array, Array]], x: Array) -> Array:
+def slopes_by_differences(of: Callable[[Array], Array], x: Array) -> Array:
     """Central differences extrapolated once, of order four."""
 
     def slopes(h: float) -> Array:
-        return np.column_stack([(rows(x + h * e)[1] - rows(x - h * e)[1]) / (2 * h) for e in np.eye(len(x))])
+        return np.column_stack([(of(x + h * e) - of(x - h * e)) / (2 * h) for e in np.eye(len(x))])
 
     return np.asarray((4 * slopes(1e-4) - slopes(2e-4)) / 3)
 
 
-def test_the_triangle_is_the_cores_where_parameters_are_impedances() -> None:
+@pytest.mark.parametrize("relative", [False, True])
+def test_the_triangle_is_the_cores_where_parameters_are_impedances(relative: bool) -> None:
     robot = random_robot(3, 4, damping=5e-3)
     model, m = am.linearize(robot, "bent"), measured(robot, "bent", "tip", weights="peaks")
     chosen = chosen_of(robot, "bent", "elasticity")
@@ -63,13 +64,15 @@ def test_the_triangle_is_the_cores_where_parameters_are_impedances() -> None:
     for p, value in zip(chosen, np.exp(x), strict=True):
         theta[list(p.indices)] = value
     target = system(model, "tip"), 2j * np.pi * LINES, measured_receptances(m), m.line_weights()
-    problem, theta = _core.Problem([target]), theta.reshape(2, 1, -1)
+    problem, theta = _core.Problem([target], relative=relative), theta.reshape(2, 1, -1)
     R = problem.reduce(*theta, [p.indices[0] for p in chosen])
-    residual = residual_of(robot, [m], chosen)
+    residual = residual_of(robot, [m], chosen, relative=relative)
     S = residual.triangle(x)
     assert np.array_equal(S, np.triu(S))
     np.testing.assert_allclose(S.T @ S, R.T @ R, atol=1e-11 * np.abs(R.T @ R).max())
-    assert residual.costs(x[None])[0] == pytest.approx(problem.costs(*theta)[0], rel=1e-12)
+    cost = residual.costs(x[None])[0]
+    assert cost == pytest.approx(problem.costs(*theta)[0], rel=1e-12)
+    assert cost == pytest.approx(np.sum(S[:, -1] ** 2), rel=1e-12)
 
 
 @pytest.mark.parametrize("kind", ["receptance", "mobility", "accelerance"])
@@ -112,8 +115,16 @@ def test_the_jacobian_is_the_slope_of_the_residual(name: str, patterns: list[str
     x = start_of(chosen) + 0.02 * np.random.default_rng(1).uniform(-1, 1, len(chosen))
     J, r = residual.rows(x)
     assert J.shape == (2 * 9 * 40 * len(ms), len(chosen))
-    assert r.shape == J.shape[:1]
-    np.testing.assert_allclose(J, slopes_by_differences(residual.rows, x), atol=1e-6 * np.abs(J).max())
+
+    def written_out(x: Array) -> Array:
+        there = moved(robot, chosen, x)
+        models = [am.frf(there, m.posture, LINES, frame=m.frf.frame).values for m in ms]
+        ratio = np.concatenate([(H / m.frf.values).ravel() for m, H in zip(ms, models, strict=True)])
+        apart = ratio - 1 if relative else np.log(ratio)
+        return np.concatenate([apart.real, apart.imag])
+
+    np.testing.assert_allclose(r, written_out(x), atol=1e-9)
+    np.testing.assert_allclose(J, slopes_by_differences(written_out, x), atol=1e-6 * np.abs(J).max())
     R = residual.triangle(x)
     rows = np.column_stack([J, r])
     np.testing.assert_allclose(R.T @ R, rows.T @ rows, atol=1e-12 * np.abs(rows.T @ rows).max())
@@ -131,7 +142,7 @@ def test_rows_hold_off_the_imaginary_axis() -> None:
     start = start_of(chosen)
     assert residual.costs(start[None])[0] < 1e-20
     x = start + 0.1
-    np.testing.assert_allclose(residual.rows(x)[0], slopes_by_differences(residual.rows, x), atol=1e-8)
+    np.testing.assert_allclose(residual.rows(x)[0], slopes_by_differences(lambda x: residual.rows(x)[1], x), atol=1e-8)
 
 
 def test_a_value_without_weight_is_left_out_whatever_it_holds() -> None:
@@ -179,6 +190,28 @@ def test_a_mass_and_its_centre_are_found_back_from_exact_responses(relative: boo
         lambda x: residual.triangle(x)[:, -1], home + off, jac=lambda x: residual.triangle(x)[:, :-1], xtol=1e-14
     )
     np.testing.assert_allclose(found.x, home, atol=1e-8)
+
+
+@pytest.mark.parametrize("cost", ["logarithmic", "relative"])
+@pytest.mark.parametrize("factor", [0.6, 1.6])
+def test_an_update_finds_a_mass_back_from_exact_responses(factor: float, cost: Any) -> None:
+    truth = am.load("huynh_3r")
+    mass = truth.numbers()["links.arm.mass"]
+    m = am.Measurement(am.frf(truth, "milling", np.arange(1, 151) / 5, frame="sensor"), "milling")
+    start = truth.with_values({"links.arm.mass": factor * mass})
+    fit = am.update(start, m, parameters="links.arm.mass", cost=cost)
+    (p,) = fit.parameters
+    assert (fit.status, p.path, p.verdict) == ("converged", "links.arm.mass", "identified")
+    assert p.value == pytest.approx(mass, rel=1e-9)
+    assert fit.robot.numbers()["links.arm.mass"] == p.value
+
+
+def test_an_update_finds_an_oscillators_mass_from_its_formula() -> None:
+    lines = np.arange(1, 61) / 4
+    H = 1 / (8e3 - (2 * np.pi * lines) ** 2 * 2.0 + 2j * np.pi * lines * 30.0)
+    frf = am.Frf(lines, H[:, None, None], "receptance", ("x",), ("x",), "mass_0")
+    fit = am.update(oscillator(3.0, 8e3, 30.0), am.Measurement(frf, {}), parameters="links.mass_0.mass")
+    assert fit.parameters[0].value == pytest.approx(2.0, rel=1e-10)
 
 
 def test_gains_and_shafts_of_scompi_are_found_back_from_exact_responses() -> None:

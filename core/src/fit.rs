@@ -50,7 +50,10 @@ impl Fit<'_> {
     /// has no answer.
     ///
     /// # Errors
-    /// Mismatched lengths, indices out of range.
+    /// Mismatched lengths.
+    ///
+    /// # Panics
+    /// For a parameter out of range; [`Self::descend`] refuses those.
     pub fn triangle(&self, x: &[f64]) -> Result<Option<Triangle>> {
         let set = self.impedances_at(x);
         if set.iter().any(|z| z.check().is_err()) {
@@ -87,6 +90,10 @@ impl Fit<'_> {
             if got != self.free.len() {
                 return Err(Error::Length { what, needed: self.free.len(), got });
             }
+        }
+        let count = SpringDamper::PARAMETERS * self.impedances.len();
+        if let Some(&got) = self.free.iter().flatten().find(|&&i| i >= count) {
+            return Err(Error::Index { what: "parameter", count, got });
         }
         if let Some(prior) = self.priors.iter().find(|prior| prior.parameter >= self.free.len()) {
             let (count, got) = (self.free.len(), prior.parameter);

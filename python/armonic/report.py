@@ -10,11 +10,12 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from armonic import plots, text
+from armonic import report_tables as tables
 from armonic.assurance import frac
 from armonic.errors import ArmonicError
 from armonic.modal import mac
 from armonic.page import ALLEMANG_BROWN, DO_VU_LIU, embedder, render_page
-from armonic.updating.bands import frf_bands, intervals_after
+from armonic.updating.bands import frf_bands, intervals_after, student
 from armonic.updating.directions import directions, sloppy
 from armonic.updating.uncertainty import IDENTIFIED_FACTOR, WEAK_FACTOR
 from armonic.writing import write_whole
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 
     from armonic.modal import Modes
     from armonic.response import Frf
-    from armonic.updating import Fit, FittedParameter, Measurement
+    from armonic.updating import Fit, Measurement
     from armonic.updating.bands import FrfBands
     from armonic.updating.profile import Profile
 
@@ -104,8 +105,12 @@ def render(fit: Fit, *, title: str | None = None, profiles: Sequence[Profile] = 
         "counts": {verdict: number for verdict, number in text.verdict_counts(fit).items() if number},
         "measurements": [_measurement(fit, k, embed) for k in range(len(fit.measurements))],
         "cost_figure": embed(plots.cost_history(fit)),
-        "parameters": [_parameter_row(parameter) for parameter in fit.parameters],
-        "interval_figure": embed(plots.parameter_intervals(fit)),
+        "cost_words": tables.cost_words(fit),
+        "starts": tables.starts_words(fit),
+        "measured_modes": tables.modal_tables(fit),
+        "parameters": tables.parameter_rows(fit),
+        "signed": tables.has_signed(fit),
+        "interval_figures": [embed(figure) for figure in _intervals(fit)],
         "identified": f"{100 * (IDENTIFIED_FACTOR - 1):g} %",
         "weak": f"{WEAK_FACTOR:g}",
         "noise": text.noise_words(fit),
@@ -114,9 +119,15 @@ def render(fit: Fit, *, title: str | None = None, profiles: Sequence[Profile] = 
         "postures": [_posture(fit, k, embed) for k in range(len(fit.postures))],
         "references": REFERENCES,
         "message": fit.message,
-        "record": _record(fit),
+        "record": tables.record_rows(fit),
     }
     return render_page("report.html.j2", content)
+
+
+def _intervals(fit: Fit) -> list[go.Figure]:
+    """A figure of the positive parameters, and one of those that may be zero or negative, where there are any."""
+    drawn = {"log": plots.parameter_intervals, "linear": plots.bounded_intervals}
+    return [draw(fit) for scale, draw in drawn.items() if any(p.scale == scale for p in fit.parameters)]
 
 
 def _tiles(fit: Fit) -> list[tuple[str, str, str]]:
@@ -219,8 +230,8 @@ def _frac(m: Measurement, before: Frf, after: Frf) -> list[tuple[str, list[str]]
 
 
 def _determined(fit: Fit, embed: Callable[[go.Figure], Markup]) -> dict[str, Any]:
-    """Directions in words and as a picture, and correlations; of one parameter there is nothing to say."""
-    if len(fit.coordinates) < 2:
+    """Directions in words and as a picture, and correlations; of one parameter, or no noise, there are none."""
+    if len(fit.coordinates) < 2 or student(fit) is None:
         return {}
     found = directions(fit)
     loose = sloppy(found)
@@ -245,24 +256,6 @@ def _profile(fit: Fit, profile: Profile, embed: Callable[[go.Figure], Markup]) -
     }
 
 
-def _record(fit: Fit) -> list[tuple[str, str]]:
-    """The run's record by names for people."""
-    r = fit.record
-    versions = f"Armonic {r.armonic}, Python {r.python}, NumPy {r.numpy}, SciPy {r.scipy}"
-    options = ", ".join(f"{name} = {value}" for name, value in r.options.items() if value not in (None, {}, []))
-    return [
-        ("method", r.method),
-        ("options", options),
-        ("seed", str(r.seed)),
-        ("started", r.started),
-        ("versions", versions),
-        ("robot", f"{r.robot}, SHA-256 {r.robot_sha256}"),
-        *((f"measurement {label}", f"SHA-256 {digest}") for label, digest in r.measurements),
-        ("parameters", ", ".join(r.parameters)),
-        ("fingerprint", r.fingerprint),
-    ]
-
-
 def _posture_text(measurement: Measurement) -> str:
     posture: Any = measurement.posture
     if isinstance(posture, str):
@@ -270,18 +263,6 @@ def _posture_text(measurement: Measurement) -> str:
     if hasattr(posture, "items"):
         return ", ".join(f"{name} = {value}" for name, value in posture.items())
     return f"[{', '.join(str(value) for value in np.asarray(posture).tolist())}]"
-
-
-def _parameter_row(p: FittedParameter) -> dict[str, str]:
-    return {
-        "path": p.path,
-        "unit": p.unit.replace(" ", "·"),
-        "start": text.format_si(p.start),
-        "value": text.format_si(p.value),
-        "interval": text.format_interval(*p.interval, signed=p.scale == "linear"),
-        "bounds": text.format_interval(p.lower, p.upper, signed=p.scale == "linear"),
-        "verdict": p.verdict,
-    }
 
 
 def _posture(fit: Fit, k: int, embed: Callable[[go.Figure], Markup]) -> dict[str, Any]:

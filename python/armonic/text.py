@@ -114,8 +114,9 @@ def split_path(path: str) -> tuple[str, str]:
 
 def parameter_name(path: str) -> str:
     """A parameter's name in a sentence: "arm.z stiffness", "arm.mass"."""
-    name, quantity = split_path(path)
-    return f"{name} {quantity}" if quantity else path.removeprefix("links.")
+    own, per, variable = path.partition(" per ")  # the slope of a law
+    name, quantity = split_path(own)
+    return f"{f'{name} {quantity}' if quantity else own.removeprefix('links.')}{per}{variable}"
 
 
 def frf_unit(kind: Kind, output: str, force: str) -> str:

@@ -11,7 +11,9 @@ from armonic.text import (
     format_interval,
     format_si,
     format_spread,
+    listing,
     noise_words,
+    parameter_name,
     split_path,
     summary,
 )
@@ -41,12 +43,13 @@ def fit_tables(
         postures: what to call each of `fit.postures`.
         true_values: values by path for a column of their own.
     """
-    from armonic.updating.bands import intervals_after
+    from armonic.updating.bands import intervals_after, student
 
     yield heading("Parameters")
     yield _parameter_table(fit.parameters, true_values)
+    yield from _ties(fit)
     yield ""
-    if len(fit.coordinates) > 1:
+    if len(fit.coordinates) > 1 and student(fit) is not None:
         yield heading("What the data leave open together")
         yield from _open_words(fit)
         yield ""
@@ -64,6 +67,20 @@ def fit_tables(
     for doubt in fit.doubts:
         yield ""
         yield warning(doubt)
+
+
+def _ties(fit: Fit) -> Iterator[RenderableType]:
+    """Which parameters stand for several numbers, and which are those of a law, a paragraph each."""
+    from rich.padding import Padding
+
+    for p, coordinate in zip(fit.parameters, fit.coordinates, strict=True):
+        name = parameter_name(p.path)
+        if p.tied:
+            others = listing([parameter_name(path) for path in p.tied if path != p.path])
+            yield Padding(f"{name} is tied to {others}.", (0, 0, 0, 2))
+        if coordinate.law is not None and coordinate.paths:
+            over = "the static torque on its joint" if coordinate.law.over == "torque" else coordinate.law.over
+            yield Padding(f"{name} follows a law; the table has it where {over} is zero.", (0, 0, 0, 2))
 
 
 def _open_words(fit: Fit) -> Iterator[RenderableType]:
@@ -102,7 +119,7 @@ def _parameter_table(parameters: Sequence[FittedParameter], true_values: Mapping
         for p in members:
             true = [] if true_values is None else [format_si(true_values[p.path]) if p.path in true_values else NONE]
             grid.add_row(
-                f"  {split_path(p.path)[0]}",
+                f"  {split_path(p.path)[0] if quantity else parameter_name(p.path)}",
                 format_si(p.start),
                 format_si(p.value),
                 *true,
@@ -165,7 +182,7 @@ def modes_data(modes: Modes) -> list[dict[str, Any]]:
 def fit_data(fit: Fit, postures: Sequence[str], true_values: Mapping[str, float] | None = None) -> dict[str, Any]:
     """The whole fit, as in `fit_tables`; an interval end of null is open."""
     from armonic.updating.bands import intervals_after
-    from armonic.updating.directions import directions
+    from armonic.updating.directions import correlation, directions
 
     return {
         "status": fit.status,
@@ -200,10 +217,12 @@ def fit_data(fit: Fit, postures: Sequence[str], true_values: Mapping[str, float]
                 "scale": p.scale,
                 "deviation": p.deviation,
                 "tied": list(p.tied),
+                "law": None if c.law is None else c.law.over,
                 **({} if true_values is None else {"true": true_values.get(p.path)}),
             }
-            for p in fit.parameters
+            for p, c in zip(fit.parameters, fit.coordinates, strict=True)
         ],
+        "correlation": correlation(fit.covariance),
         "directions": [
             {
                 "deviation": direction.deviation,

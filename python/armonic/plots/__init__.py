@@ -1,7 +1,8 @@
 """Figures as plotly objects: FRF and MAC matrices, fits, surveys, mode shapes and robots."""
 
 from armonic.plots.determined import BAND_NAME, add_bands, correlation_matrix, principal_directions, profile_curve
-from armonic.plots.fitting import cost_history, parameter_intervals
+from armonic.plots.fitting import bounded_intervals, parameter_intervals
+from armonic.plots.history import cost_history
 from armonic.plots.look import FONT_STACK, TEMPLATE, VERDICT_COLOURS
 from armonic.plots.maps import campbell, damping_map, frequency_map
 from armonic.plots.matrices import frf_matrix, mac_matrix
@@ -16,6 +17,7 @@ __all__ = [
     "TEMPLATE",
     "VERDICT_COLOURS",
     "add_bands",
+    "bounded_intervals",
     "campbell",
     "correlation_matrix",
     "cost_history",

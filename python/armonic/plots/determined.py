@@ -169,6 +169,7 @@ def principal_directions(fit: Fit) -> go.Figure:
     figure.add_bar(
         x=np.tile(np.arange(count), rows),
         base=np.repeat(np.arange(rows), count),
+        width=min(0.7, 0.06 * count),
         y=-0.46 * weights.ravel(),
         xaxis="x2",
         yaxis="y2",

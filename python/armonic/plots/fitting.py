@@ -1,4 +1,4 @@
-"""Figures of a fit: how the cost fell, and how well the data determine each parameter."""
+"""Figures of how well the data determine each parameter of a fit."""
 
 from __future__ import annotations
 
@@ -7,113 +7,69 @@ import itertools
 import math
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import plotly.graph_objects as go
 
 from armonic.plots.look import (
-    AFTER,
     BEFORE,
     INK,
     MUTED,
     TEMPLATE,
     VERDICT_COLOURS,
     VERDICT_MARKERS,
-    log_axis,
 )
-from armonic.text import VERDICTS, format_interval, format_si, format_spread, split_path
+from armonic.text import VERDICTS, format_interval, format_si, format_spread, parameter_name, split_path
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from armonic.updating import Fit, FittedParameter
     from armonic.updating.uncertainty import Verdict
 
-MOST_STAGES = 16
-"""More stages than this are not parted."""
 FARTHEST = 1000.0
 """Ratios to the fitted value beyond this, or below its inverse, end in an arrow at the edge."""
-
-
-def cost_history(fit: Fit) -> go.Figure:
-    """Draw the best cost (Huynh et al. 2021, Eq. 22) over evaluations, on a logarithmic scale.
-
-    Dotted lines part the stages of the run, each of which has its own cost; those off the imaginary axis are named by
-    their distance from it.
-    """
-    cost = np.asarray(fit.cost_history, float)
-    evaluations = np.arange(1, cost.size + 1)
-    figure = go.Figure(layout={"template": TEMPLATE, "height": 270, "showlegend": False, "hovermode": "x"})
-    figure.update_layout(
-        margin={"l": 70, "r": 8, "t": 28, "b": 46},
-        xaxis={"title": {"text": "Evaluations"}, "range": [0, max(1, cost.size) * 1.02], "tickformat": "d"},
-        yaxis={"title": {"text": "Cost"}} | log_axis(cost, least=1.0),
-    )
-    figure.add_scatter(
-        x=evaluations,
-        y=np.where(cost > 0, cost, np.nan),  # an exact fit has no logarithm
-        mode="lines+markers" if cost.size < 80 else "lines",
-        line={"color": AFTER, "width": 1.8, "shape": "hv"},
-        marker={"size": 4.5},
-        hovertemplate="cost %{y:.4g} after %{x} evaluations<extra></extra>",
-    )
-    _part_stages(figure, fit)
-    if cost.size and cost[-1] > 0:
-        figure.add_annotation(
-            x=int(evaluations[-1]),
-            y=math.log10(cost[-1]),
-            text=format_si(float(cost[-1])),
-            xanchor="right",
-            yanchor="bottom",
-            yshift=3,
-            showarrow=False,
-            font={"size": 12, "color": AFTER},
-        )
-    return figure
-
-
-def _part_stages(figure: go.Figure, fit: Fit) -> None:
-    """A line at the beginning of each stage but the first, and σ above those that have one."""
-    lengths = [len(stage.history) for stage in fit.stages]
-    if not 1 < len(lengths) <= MOST_STAGES or sum(lengths) != len(fit.cost_history):
-        return
-    total, first = sum(lengths), 0
-    for stage, length in zip(fit.stages, lengths, strict=True):
-        if first:
-            line = {"color": "#b9c0c7", "width": 1, "dash": "dot"}
-            figure.add_vline(x=first + 0.5, line=line, layer="below")
-        if stage.sigma > 0 and length > 0.03 * total:
-            figure.add_annotation(
-                x=first + 0.5 + length / 2,
-                y=1,
-                yref="paper",
-                yanchor="bottom",
-                text=f"σ {stage.sigma:.2g}",
-                showarrow=False,
-                font={"size": 11, "color": MUTED},
-            )
-        first += length
+PAGE_WIDTH, TICK_WIDTH = 1080.0, 50.0
+"""Pixels of a figure, and of one label on the axis of ratios."""
 
 
 def parameter_intervals(fit: Fit) -> go.Figure:
-    """Draw every parameter's 95 % interval, start and bounds relative to its value, on a logarithmic scale.
+    """Draw every positive parameter's 95 % interval, start and bounds relative to its value, on a logarithmic scale.
 
     Stiffness and damping stand side by side where both were fitted. An interval without an end is an arrow
-    to the edge.
+    to the edge. Numbers that may be zero or negative have no ratio; see `bounded_intervals`.
+
+    Args:
+        fit: what `armonic.update` returned.
     """
     groups = _groups(fit)
-    rows = list(dict.fromkeys(name for group in groups.values() for name in group))
+    return _draw([_Panel(parameters, quantity) for quantity, parameters in groups.items()])
+
+
+def bounded_intervals(fit: Fit) -> go.Figure:
+    """Draw the parameters that may be zero or negative: start, value and 95 % interval between their bounds.
+
+    Args:
+        fit: what `armonic.update` returned.
+    """
+    chosen = {parameter_name(p.path): p for p in fit.parameters if p.scale == "linear"}
+    return _draw([_Places(chosen, "")])
+
+
+def _draw(panels: Sequence[_Panel]) -> go.Figure:
+    """Panels side by side that share their rows, one per name."""
+    rows = list(dict.fromkeys(name for panel in panels for name in panel.names))
     labels = [html.escape(name if len(name) <= 40 else f"{name[:39]}…") for name in rows]
     room = 22 + round(6.6 * max(map(len, labels), default=0))
     figure = go.Figure(layout={"template": TEMPLATE, "height": 24 * len(rows) + 116, "hovermode": "closest"})
     figure.update_layout(margin={"l": room, "r": 4, "t": 56, "b": 46})
-    for k, (quantity, parameters) in enumerate(groups.items()):
-        panel = _Panel(parameters, [rows.index(name) for name in parameters])
-        right = (k + 1) / len(groups) - 0.09
+    for k, panel in enumerate(panels):
+        panel.rows = [rows.index(name) for name in panel.names]
+        right = (k + 1) / len(panels) - 0.09
         suffix = str(k + 1) if k else ""
-        figure.layout[f"xaxis{suffix}"] = panel.scale() | {
-            "domain": [k / len(groups), right],
+        figure.layout[f"xaxis{suffix}"] = panel.scale((PAGE_WIDTH - room) * (1 / len(panels) - 0.09)) | {
+            "domain": [k / len(panels), right],
             "anchor": f"y{suffix}",
-            "title": {"text": f"{quantity.capitalize() or 'Parameter'}, relative to its fitted value"},
+            "tickangle": 0,
+            "title": {"text": panel.title},
         }
         figure.layout[f"yaxis{suffix}"] = {
             "anchor": f"x{suffix}",
@@ -125,17 +81,12 @@ def parameter_intervals(fit: Fit) -> go.Figure:
             "ticks": "",
             "tickfont": {"color": INK},
         }
-        unity = {
-            "x0": 1,
-            "x1": 1,
-            "y0": -0.6,
-            "y1": len(rows) - 0.4,
-            "line": {"color": "#b9c0c7", "width": 1},
-        }
-        figure.add_shape(type="line", layer="below", xref=f"x{suffix}", yref=f"y{suffix}", **unity)
+        for x in panel.marks:
+            ends = {"x0": x, "x1": x, "y0": -0.6, "y1": len(rows) - 0.4, "line": {"color": "#b9c0c7", "width": 1}}
+            figure.add_shape(type="line", layer="below", xref=f"x{suffix}", yref=f"y{suffix}", **ends)
         for trace in panel.traces():
             figure.add_scatter(xaxis=f"x{suffix}", yaxis=f"y{suffix}", legendgroup=trace["name"], **trace)
-        for y, parameter in zip(panel.rows, parameters.values(), strict=True):
+        for y, parameter in zip(panel.rows, panel.parameters, strict=True):
             place = {
                 "x": right,
                 "xref": "paper",
@@ -144,20 +95,21 @@ def parameter_intervals(fit: Fit) -> go.Figure:
                 "y": y,
                 "yref": f"y{suffix}",
             }
-            note = {"text": format_spread(*parameter.interval), "font": {"size": 11, "color": MUTED}}
+            note = {"text": panel.spread(parameter), "font": {"size": 11, "color": MUTED}}
             figure.add_annotation(showarrow=False, **place, **note)
     _name_once(figure)
     return figure
 
 
 def _groups(fit: Fit) -> dict[str, dict[str, FittedParameter]]:
-    """Parameters by quantity and short name; all in one group by full path if short names clash."""
+    """Positive parameters by quantity and short name; all in one group by full path if short names clash."""
     groups: dict[str, dict[str, FittedParameter]] = {}
-    for parameter in fit.parameters:
+    positive = [p for p in fit.parameters if p.scale == "log"]
+    for parameter in positive:
         name, quantity = split_path(parameter.path)
         groups.setdefault(quantity, {})[name] = parameter
-    if sum(map(len, groups.values())) < len(fit.parameters):
-        return {"": {parameter.path: parameter for parameter in fit.parameters}}
+    if sum(map(len, groups.values())) < len(positive):
+        return {"": {parameter.path: parameter for parameter in positive}}
     return groups
 
 
@@ -172,19 +124,42 @@ def _name_once(figure: go.Figure) -> None:
 class _Panel:
     """Parameters of one quantity, one per row, as ratios to their fitted values."""
 
-    def __init__(self, parameters: dict[str, FittedParameter], rows: list[int]) -> None:
-        self.parameters, self.rows = list(parameters.values()), rows
-        self.bounds = [(p.lower / p.value, p.upper / p.value) for p in self.parameters]
-        self.starts = [p.start / p.value for p in self.parameters]
-        self.reach = [tuple(end / p.value for end in p.interval) for p in self.parameters]
+    marks: tuple[float, ...] = (1.0,)
+    """Where upright lines stand."""
+
+    def __init__(self, parameters: dict[str, FittedParameter], quantity: str) -> None:
+        self.names, self.parameters, self.rows = list(parameters), list(parameters.values()), list[int]()
+        self.title = f"{quantity.capitalize() or 'Parameter'}, relative to its fitted value"
+        self.values = [self.place(p, p.value) for p in self.parameters]
+        self.bounds = [(self.place(p, p.lower), self.place(p, p.upper)) for p in self.parameters]
+        self.starts = [self.place(p, p.start) for p in self.parameters]
+        self.reach = [(self.place(p, p.interval[0]), self.place(p, p.interval[1])) for p in self.parameters]
+        self.low, self.high = self.limits()
+
+    def place(self, p: FittedParameter, value: float) -> float:
+        """Where a value of a parameter stands."""
+        return value / p.value
+
+    def limits(self) -> tuple[float, float]:
+        """Both ends of the axis."""
         ends = [*self.starts, *itertools.chain(*self.bounds, *self.reach)]
         ends = [min(max(end, 1 / FARTHEST), FARTHEST) for end in ends if 0 < end < math.inf]
-        self.low, self.high = min([*ends, 1 / 3]) / 1.3, max([*ends, 3.0]) * 1.3
+        return min([*ends, 1 / 3]) / 1.3, max([*ends, 3.0]) * 1.3
 
-    def scale(self) -> dict[str, Any]:
-        """Range and ticks of the axis of ratios."""
-        decades = [10.0**n for n in range(-3, 4)]
+    def heads(self) -> tuple[float, float]:
+        """Where arrows end, so that their heads are all in view."""
+        edge = (self.high / self.low) ** 0.012
+        return self.low * edge, self.high / edge
+
+    def spread(self, p: FittedParameter) -> str:
+        """What stands beside a row."""
+        return format_spread(*p.interval)
+
+    def scale(self, width: float) -> dict[str, Any]:
+        """Range and ticks of the axis, which is so many pixels wide."""
         limits = [math.log10(self.low), math.log10(self.high)]
+        step = math.ceil(TICK_WIDTH / (width / (limits[1] - limits[0])))
+        decades = [10.0**n for n in range(-6, 7) if n % step == 0]
         return {
             "type": "log",
             "range": limits,
@@ -227,19 +202,18 @@ class _Panel:
             return
         colour = VERDICT_COLOURS[verdict]
         common = {"name": verdict, "mode": "markers"}
-        edge = (self.high / self.low) ** 0.012  # so that an arrow's head is all in view
-        first, last = self.low * edge, self.high / edge
+        first, last = self.heads()
         closed = [(self.reach[i][0] >= first, self.reach[i][1] <= last) for i in chosen]
         left = [self.reach[i][0] if ends[0] else first for i, ends in zip(chosen, closed, strict=True)]
         right = [self.reach[i][1] if ends[1] else last for i, ends in zip(chosen, closed, strict=True)]
         yield common | {
-            "x": [1.0] * len(chosen),
+            "x": [self.values[i] for i in chosen],
             "y": [self.rows[i] for i in chosen],
             "legendrank": 1001 + VERDICTS.index(verdict),
             "marker": {"symbol": VERDICT_MARKERS[verdict], "size": 8, "color": colour},
             "error_x": {
-                "array": [end - 1 for end in right],
-                "arrayminus": [1 - end for end in left],
+                "array": [end - self.values[i] for i, end in zip(chosen, right, strict=True)],
+                "arrayminus": [self.values[i] - end for i, end in zip(chosen, left, strict=True)],
                 "symmetric": False,
                 "color": colour,
                 "thickness": 2.2,
@@ -274,6 +248,38 @@ class _Panel:
         }
 
 
+class _Places(_Panel):
+    """Parameters that may be zero or negative, as places between their bounds, from 0 to 1."""
+
+    marks = (0.0, 1.0)
+
+    def __init__(self, parameters: dict[str, FittedParameter], quantity: str) -> None:
+        super().__init__(parameters, quantity)
+        self.title = "Place between the bounds"
+
+    def place(self, p: FittedParameter, value: float) -> float:
+        """Share of the way from the lower bound to the upper one."""
+        return (value - p.lower) / (p.upper - p.lower)
+
+    def limits(self) -> tuple[float, float]:
+        """Both bounds, and a little more to show what lies beyond."""
+        return -0.08, 1.08
+
+    def heads(self) -> tuple[float, float]:
+        """Where arrows end."""
+        return self.low + 0.01, self.high - 0.01
+
+    def spread(self, p: FittedParameter) -> str:
+        """Half the interval, SI."""
+        half = (p.interval[1] - p.interval[0]) / 2
+        return f"± {format_si(half, digits=2)}" if math.isfinite(half) else "open"
+
+    def scale(self, width: float) -> dict[str, Any]:
+        """Ticks at the bounds and between."""
+        ends = {"lower bound": 0.0, "": 0.25, "middle": 0.5, " ": 0.75, "upper bound": 1.0}
+        return {"range": [self.low, self.high], "tickvals": list(ends.values()), "ticktext": list(ends)}
+
+
 def _hover(p: FittedParameter) -> list[str]:
-    interval = format_interval(*p.interval)
+    interval = format_interval(*p.interval, signed=p.scale == "linear")
     return [html.escape(p.path), format_si(p.value, p.unit), interval]

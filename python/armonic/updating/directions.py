@@ -130,7 +130,7 @@ def _words(parameters: Sequence[Parameter], weights: Array, deviation: float, ro
         return f"{_name(lead)} {_how_far(lead, reach, alone=True)}"
     named = [int(i) for i in order[:NAMED] if size[i] >= LEADING * size[order[0]]]
     logs = all(parameters[i].scale == "log" for i in named)
-    if len(named) > 1 and reach < np.log(KNOWN_FACTOR) and logs:
+    if len(named) > 1 and NORMAL_95 * deviation < np.log(KNOWN_FACTOR) and logs:
         known = _known(parameters, weights, named, deviation, roots, blind)
         if known:
             return known

@@ -25,7 +25,7 @@ TUNING = {"huber": 1.345, "cauchy": 2.385}
 """Residuals, in standard deviations, from which on a value counts less: 95 % efficient where there are no outliers."""
 STATED = 10**6
 """Degrees of freedom behind a noise that was stated."""
-LEAST_NOISE = float(np.finfo(float).tiny)
+LEAST_NOISE = 1e-150
 """Without any noise, too, what the data do not see stays open: infinity times more than zero."""
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -71,8 +71,9 @@ class ModalMeasurement:
     def __post_init__(self) -> None:
         place = self.posture if isinstance(self.posture, str) else "posture"
         self._set(label=self.label or f"modes at {place}")
-        named = (self.frame,) if isinstance(self.frame, str) else tuple(self.frame)
-        self._set(frame=tuple(name for name in named if name), outputs=tuple(self.outputs))
+        if isinstance(self.frame, str):
+            self._set(frame=(self.frame,))
+        self._set(frame=self._names("frame"), outputs=self._names("outputs"))
         freq = self._numbers("natural_freq_hz", "positive frequencies in Hz")
         if not freq.size or (freq <= 0).any():
             raise self._fault("natural_freq_hz", f"{freq.min(initial=0):g}", "positive frequencies in Hz, at least one")
@@ -102,6 +103,13 @@ class ModalMeasurement:
 
     def _fault(self, name: str, found: str, expected: str, hint: str | None = None) -> UpdateError:
         return UpdateError(f"{self.label}: {name}", found=found, expected=expected, hint=hint)
+
+    def _names(self, name: str) -> tuple[str, ...]:
+        given: object = getattr(self, name)
+        several = tuple(given) if isinstance(given, Iterable) else (given,)
+        if not all(isinstance(each, str) for each in several):
+            raise self._fault(name, f"a {type(given).__name__} of something else", "names")
+        return tuple(each for each in several if each)
 
     def _numbers(self, name: str, expected: str, length: int | None = None) -> Array:
         """A field as a read-only row of finite numbers; of a given length, a single number is repeated."""
@@ -284,6 +292,7 @@ class ModalResidual:
     def _unit(self, m: ModalMeasurement) -> tuple[Complex, Array]:
         """Measured shapes of length one, (m, K), and the standard deviation of their entries, (m, 1)."""
         shapes = np.asarray(m.shapes)
+        shapes = shapes / np.abs(shapes).max(axis=1, keepdims=True)  # squares of any scale fit into a number
         deviation = np.hypot(np.asarray(m.shape_deviation), self.blur) / np.sqrt(shapes.shape[1])
         return shapes / np.linalg.norm(shapes, axis=1, keepdims=True), deviation[:, None]
 
