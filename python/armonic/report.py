@@ -246,12 +246,13 @@ def _determined(fit: Fit, embed: Callable[[go.Figure], Markup]) -> dict[str, Any
 
 
 def _profile(fit: Fit, profile: Profile, embed: Callable[[go.Figure], Markup]) -> dict[str, Any]:
-    linear = next((p.interval for p in fit.parameters if p.path == profile.path), None)
+    known = next((p for p in fit.parameters if p.path == profile.path), None)
+    signed = known is not None and known.scale == "linear"
     return {
         "path": profile.path,
-        "interval": text.format_interval(*profile.interval),
-        "linear": text.format_interval(*linear) if linear else "–",
-        "unit": profile.unit.replace(" ", "·"),
+        "interval": text.format_interval(*profile.interval, signed=signed),
+        "linear": text.format_interval(*known.interval, signed=signed) if known else "–",
+        "unit": tables.unit_words(profile.unit),
         "figure": embed(plots.profile_curve(profile)),
     }
 

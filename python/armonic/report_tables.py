@@ -31,13 +31,18 @@ def _parameter_row(p: FittedParameter, coordinate: Parameter) -> dict[str, str]:
     return {
         "path": p.path,
         "notes": _notes(p, coordinate),
-        "unit": p.unit.replace(" ", "·").replace("·per·", " per "),
+        "unit": unit_words(p.unit),
         "start": text.format_si(p.start),
         "value": text.format_si(p.value),
         "interval": text.format_interval(*p.interval, signed=signed),
         "bounds": text.format_interval(p.lower, p.upper, signed=signed),
         "verdict": p.verdict,
     }
+
+
+def unit_words(unit: str) -> str:
+    """A unit as a page has it: "N·m/rad per N·m"."""
+    return unit.replace(" ", "·").replace("·per·", " per ")
 
 
 def _notes(p: FittedParameter, coordinate: Parameter) -> str:
@@ -138,9 +143,13 @@ def _compared(measured: float, deviation: float, before: float, after: float, *,
         return text.format_hz(value) if digits == "hz" else text.format_si(100 * value, digits=3)
 
     apart = 100 * (after / measured - 1)
-    off = f"{round(apart, 2) + 0.0:+.2f} %".replace("-", "−") if np.isfinite(apart) else NONE
+    off = f"{apart:+.2f} %".replace("-", "−") if abs(apart) >= 0.005 else "0.00 %"
     own = f"{told(measured)} ± {text.format_percent(deviation, digits=2)}"
-    return [own, *(told(value) if np.isfinite(value) else NONE for value in (before, after)), off]
+    return [
+        own,
+        *(told(value) if np.isfinite(value) else NONE for value in (before, after)),
+        off if np.isfinite(apart) else NONE,
+    ]
 
 
 def record_rows(fit: Fit) -> list[tuple[str, str]]:

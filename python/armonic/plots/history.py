@@ -137,7 +137,7 @@ def _draw(figure: go.Figure, segments: Sequence[_Segment], colour: str, *, marke
             xs, ys, names = [*xs, math.nan], [*ys, math.nan], [*names, ""]
         xs += segment.x.tolist()
         ys += segment.y.tolist()
-        names += [f"{html.escape(segment.name)}: " if segment.name else ""] * len(segment.x)
+        names += [html.escape(segment.name or "cost")] * len(segment.x)
     figure.add_scatter(
         x=xs,
         y=ys,
@@ -145,7 +145,7 @@ def _draw(figure: go.Figure, segments: Sequence[_Segment], colour: str, *, marke
         line={"color": colour, "width": 1.8, "shape": "hv"},
         marker={"size": 4.5},
         customdata=names,
-        hovertemplate="%{customdata}cost %{y:.4g} after %{x} evaluations<extra></extra>",
+        hovertemplate="%{customdata}: %{y:.4g} after %{x} evaluations<extra></extra>",
     )
 
 
