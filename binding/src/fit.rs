@@ -1,18 +1,15 @@
 //! The fitting problem: residual and Jacobian as a small triangle.
 
 use crate::convert::{array, numbers, raise};
+use crate::descent::{DescentResult, Listener, box_of};
 use crate::response::{LinearSystem, impedances, points};
 use armonic_core::fit::{Fit, Prior};
-use armonic_core::least_squares::{Ending, Settings};
+use armonic_core::least_squares::Settings;
 use armonic_core::residual::{self, Deviation, Target};
 use nalgebra::Complex;
 use numpy::{PyArrayDyn, PyReadonlyArrayDyn};
-use pyo3::exceptions::{PyKeyboardInterrupt, PyValueError};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use std::time::{Duration, Instant};
-
-/// How often a long run looks whether somebody wants it to stop.
-const PATIENCE: Duration = Duration::from_millis(50);
 
 type Array<'py> = PyReadonlyArrayDyn<'py, f64>;
 type Points<'py> = PyReadonlyArrayDyn<'py, Complex<f64>>;
@@ -34,17 +31,6 @@ fn groups(free: Vec<Tied>) -> Vec<Vec<usize>> {
         })
         .collect()
 }
-
-/// Parameters, cost and price where a run ended, the parameters of the lowest price, the price after each evaluation,
-/// and how it ended.
-type DescentResult<'py> = (
-    Bound<'py, PyArrayDyn<f64>>,
-    f64,
-    Bound<'py, PyArrayDyn<f64>>,
-    f64,
-    Bound<'py, PyArrayDyn<f64>>,
-    &'static str,
-);
 
 /// Measured responses and the models that are to reproduce them, immutable.
 #[pyclass(frozen, module = "armonic._core")]
@@ -91,24 +77,6 @@ impl Problem {
         Ok(Self { inner: residual::Problem::new(targets).map_err(raise)? })
     }
 
-    /// Upper triangle (c+1, c+1) of [J r] at one impedance set, J by the logarithms of the `free` parameters, and the
-    /// cost under the weights of the price.
-    fn reduce_priced<'py>(
-        &self,
-        py: Python<'py>,
-        stiffness: Array<'py>,
-        damping: Array<'py>,
-        free: Vec<Tied>,
-    ) -> PyResult<(Bound<'py, PyArrayDyn<f64>>, f64)> {
-        let sets = impedances(&stiffness, &damping)?;
-        let [set] = &sets[..] else {
-            return Err(PyValueError::new_err("stiffness: expected shape (1, r)"));
-        };
-        let free = groups(free);
-        let triangle = py.detach(|| self.inner.reduce(set, &free)).map_err(raise)?;
-        Ok((array(py, triangle.values, &[triangle.width, triangle.width])?, triangle.price))
-    }
-
     /// Upper triangle (c+1, c+1) of [J r] at one impedance set, J by the logarithms of the `free` parameters.
     fn reduce<'py>(
         &self,
@@ -117,7 +85,13 @@ impl Problem {
         damping: Array<'py>,
         free: Vec<Tied>,
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        Ok(self.reduce_priced(py, stiffness, damping, free)?.0)
+        let sets = impedances(&stiffness, &damping)?;
+        let [set] = &sets[..] else {
+            return Err(PyValueError::new_err("stiffness: expected shape (1, r)"));
+        };
+        let free = groups(free);
+        let triangle = py.detach(|| self.inner.reduce(set, &free)).map_err(raise)?;
+        array(py, triangle.values, &[triangle.width, triangle.width])
     }
 
     /// Bounded least squares from `start` (c,), logarithms of the `free` parameters; `priors` are (parameter, expected
@@ -144,51 +118,14 @@ impl Problem {
         let (Some(set), true) = (sets.pop(), sets.is_empty()) else {
             return Err(PyValueError::new_err("stiffness: expected shape (1, r)"));
         };
-        let shape = [None];
-        let [start, lower, upper] = [("start", &start), ("lower", &lower), ("upper", &upper)]
-            .map(|(name, values)| numbers(name, values, &shape));
-        let (start, lower, upper) = (start?, lower?, upper?);
+        let (start, lower, upper) = box_of(&start, &lower, &upper)?;
         let priors = priors.into_iter().map(|(parameter, mean, weight)| Prior { parameter, mean, weight });
         let fit = Fit { problem: &self.inner, impedances: set, free: groups(free), priors: priors.collect() };
         let settings = Settings { tolerance, evaluations, radius };
-        let mut broken: Option<PyErr> = None;
-        let (mut count, mut last) = (0_usize, Instant::now());
-        let descent = py.detach(|| {
-            fit.descend(&start, &lower, &upper, settings, |best| {
-                let impatient = last.elapsed() >= PATIENCE;
-                if impatient || watch.is_some() {
-                    let heard = Python::attach(|py| {
-                        if impatient {
-                            last = Instant::now();
-                            py.check_signals()?;
-                        }
-                        watch.as_ref().map_or(Ok(()), |watch| watch.call1(py, (count, best)).map(|_| ()))
-                    });
-                    broken = heard.err();
-                }
-                count += 1;
-                broken.is_none()
-            })
-        });
-        let descent = descent.map_err(raise)?;
-        let ending = match (descent.ending, broken) {
-            (_, Some(error)) if !error.is_instance_of::<PyKeyboardInterrupt>(py) => return Err(error),
-            (Ending::Converged, _) => "converged",
-            (Ending::Limit, _) => "limit",
-            (Ending::Stopped, _) => "interrupted",
-        };
-        let as_array = |values: Vec<f64>| {
-            let count = values.len();
-            array(py, values, &[count])
-        };
-        Ok((
-            as_array(descent.x)?,
-            descent.cost,
-            as_array(descent.best)?,
-            descent.price,
-            as_array(descent.history)?,
-            ending,
-        ))
+        let mut listener = Listener::new(watch);
+        let descent =
+            py.detach(|| fit.descend(&start, &lower, &upper, settings, |best| listener.go_on(best)));
+        listener.result(py, descent.map_err(raise)?)
     }
 
     /// Costs (P,) of many impedance sets; infinite where the model has no answer.

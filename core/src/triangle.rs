@@ -25,6 +25,13 @@ impl Triangle {
         Self { width, values: vec![0.0; width * width], price: 0.0 }
     }
 
+    /// A triangle by rows, width×width, whose price is its own cost.
+    pub fn priced_by_itself(width: usize, values: Vec<f64>) -> Self {
+        let mut triangle = Self { width, values, price: 0.0 };
+        triangle.price = triangle.cost();
+        triangle
+    }
+
     /// The cost Σ W |r|².
     pub fn cost(&self) -> f64 {
         (0..self.width).map(|i| self.values[i * self.width + self.width - 1].powi(2)).sum()

@@ -11,7 +11,7 @@ from typing import Literal, TypeAlias, final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Bushing", "LinearSystem", "Mechanism", "Problem", "follow", "responses"]
+__all__ = ["Bushing", "LinearSystem", "Mechanism", "Problem", "descend", "follow", "responses"]
 
 _Real: TypeAlias = NDArray[np.float64]
 _Complex: TypeAlias = NDArray[np.complex128]
@@ -86,9 +86,6 @@ class Problem:
         prices: Sequence[_Real] | None = None,
         relative: bool = False,
     ) -> Problem: ...
-    def reduce_priced(
-        self, stiffness: _Real, damping: _Real, free: Sequence[int | Sequence[int]]
-    ) -> tuple[_Real, float]: ...
     def reduce(self, stiffness: _Real, damping: _Real, free: Sequence[int | Sequence[int]]) -> _Real: ...
     def descend(
         self,
@@ -107,6 +104,17 @@ class Problem:
     ) -> tuple[_Real, float, _Real, float, _Real, Literal["converged", "limit", "interrupted"]]: ...
     def costs(self, stiffness: _Real, damping: _Real) -> _Real: ...
 
+def descend(
+    triangle: Callable[[_Real], _Real],
+    start: _Real,
+    lower: _Real,
+    upper: _Real,
+    *,
+    tolerance: float,
+    evaluations: int,
+    radius: float,
+    watch: Callable[[int, float], object] | None,
+) -> tuple[_Real, float, _Real, float, _Real, Literal["converged", "limit", "interrupted"]]: ...
 def follow(
     mass: _Real,
     damping: _Real,

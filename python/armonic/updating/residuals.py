@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 import numpy as np
 
+from armonic.updating.descent import FIRST_RADIUS, Descent, descend
 from armonic.updating.laws import values_in
-from armonic.updating.trust_region import FIRST_RADIUS, UNSEEN, Descent, descend
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,10 +17,14 @@ if TYPE_CHECKING:
 
     from armonic import _core
     from armonic.linear import LinearModel
+    from armonic.updating.descent import Watch
     from armonic.updating.parameters import Parameter
-    from armonic.updating.trust_region import Watch
 
     Array: TypeAlias = NDArray[np.float64]
+
+
+UNSEEN = 1e-11
+"""A column of the Jacobian below this share of the largest is rounding: the data do not see that parameter."""
 
 
 class Residual(Protocol):

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from armonic.modal import Modes
     from armonic.response import Frf
     from armonic.robot import Robot
+    from armonic.updating.descent import Ending
     from armonic.updating.measurement import Measurement
     from armonic.updating.modal_data import ModalMeasurement
     from armonic.updating.options import Method
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from armonic.updating.record import Record
     from armonic.updating.stages import StageEnd
     from armonic.updating.task import Task
-    from armonic.updating.trust_region import Ending
     from armonic.updating.uncertainty import FittedParameter
 
     Array: TypeAlias = NDArray[np.float64]

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from armonic.updating.descent import Ending
     from armonic.updating.residuals import Descending
     from armonic.updating.task import Task
-    from armonic.updating.trust_region import Ending
 
     Array: TypeAlias = NDArray[np.float64]
 
