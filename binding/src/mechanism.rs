@@ -34,13 +34,13 @@ impl FromPyObject<'_, '_> for FrameIndex {
 /// Tree of rigid nodes, immutable.
 #[pyclass(frozen, module = "armonic._core")]
 pub struct Mechanism {
-    inner: mechanism::Mechanism,
+    pub(crate) inner: mechanism::Mechanism,
 }
 
 /// Spring and damper between two frames, immutable.
 #[pyclass(frozen, module = "armonic._core")]
 pub struct Bushing {
-    inner: bushing::Bushing,
+    pub(crate) inner: bushing::Bushing,
 }
 
 fn wrenches(arguments: Option<Vec<WrenchArgument>>) -> Vec<FrameWrench> {
@@ -227,6 +227,25 @@ impl Mechanism {
                     out[i * n + j] = matrix[(i, j)];
                 }
             }
+            Ok(())
+        })
+    }
+
+    /// Velocity and acceleration of a frame's origin, linear over angular, in world axes: (2, 6) or (P, 2, 6).
+    fn frame_motion<'py>(
+        &self,
+        py: Python<'py>,
+        q: Array<'py>,
+        qd: Array<'py>,
+        qdd: Array<'py>,
+        frame: FrameIndex,
+    ) -> Out<'py> {
+        let ([q, qd, qdd], batch) = self.states([("q", &q), ("qd", &qd), ("qdd", &qdd)])?;
+        self.each(py, batch, &[2, 6], |ws, case, out| {
+            let state = [&q, &qd, &qdd].map(|rows| self.slice(rows, case));
+            let motion = dynamics::frame_motion(&self.inner, ws, state, frame.0)?;
+            out[..6].copy_from_slice(motion[0].as_slice());
+            out[6..].copy_from_slice(motion[1].as_slice());
             Ok(())
         })
     }

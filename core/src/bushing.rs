@@ -82,11 +82,35 @@ pub fn force(
     qd: &[f64],
     bushing: &Bushing,
 ) -> Result<DVector<f64>> {
+    force_and_loss(mechanism, ws, q, qd, bushing).map(|(force, _)| force)
+}
+
+/// The forces of [`force`], and the power ėᵀ D ė that the dampers take, W.
+///
+/// # Errors
+/// As [`force`].
+pub fn force_and_loss(
+    mechanism: &Mechanism,
+    ws: &mut Workspace,
+    q: &[f64],
+    qd: &[f64],
+    bushing: &Bushing,
+) -> Result<(DVector<f64>, f64)> {
     mechanism.check("qd", qd)?;
     let at = deformation(mechanism, ws, q, bushing)?;
-    let load =
-        bushing.stiffness * at.shape + bushing.damping * (&at.jacobian * DVector::from_column_slice(qd));
-    Ok(at.jacobian.tr_mul(&load))
+    let rate = &at.jacobian * DVector::from_column_slice(qd);
+    let drag = bushing.damping * rate;
+    let load = bushing.stiffness * at.shape + drag;
+    Ok((at.jacobian.tr_mul(&load), rate.dot(&drag)))
+}
+
+/// Energy ½ eᵀ K e that its springs hold, J.
+///
+/// # Errors
+/// Wrong length or number in `q`, unknown frame.
+pub fn energy(mechanism: &Mechanism, ws: &mut Workspace, q: &[f64], bushing: &Bushing) -> Result<f64> {
+    let at = deformation(mechanism, ws, q, bushing)?;
+    Ok(0.5 * at.shape.dot(&(bushing.stiffness * at.shape)))
 }
 
 /// Adds the bushing's tangent damping EᵀDE and tangent stiffness EᵀKE + (∂Eᵀ/∂q) load to `out`.

@@ -141,6 +141,29 @@ pub fn jacobian(
     Ok(out)
 }
 
+/// Velocity and acceleration of a frame's origin over its angular ones, in world axes (Do et al. 2022, Eqs. A.4, A.7).
+///
+/// # Errors
+/// Wrong length or number in an argument, unknown frame.
+pub fn frame_motion(
+    mechanism: &Mechanism,
+    ws: &mut Workspace,
+    [q, qd, qdd]: [&[f64]; 3],
+    frame: usize,
+) -> Result<[Twist; 2]> {
+    let at = pose(mechanism, ws, q, frame)?.translation;
+    mechanism.check("qd", qd)?;
+    mechanism.check("qdd", qdd)?;
+    ws.drive(mechanism, qd, qdd, &Vector3::zeros());
+    let Some(node) = mechanism.frame(frame)?.node else {
+        return Ok([Twist::zeros(); 2]);
+    };
+    let (v, a) = (&ws.twist[node], &ws.acceleration[node]);
+    let velocity = linear(v) + angular(v).cross(&at);
+    let acceleration = linear(a) + angular(a).cross(&at) + angular(v).cross(&velocity);
+    Ok([stack(velocity, angular(v)), stack(acceleration, angular(a))])
+}
+
 /// Mass matrix (n×n) at q by the composite rigid body algorithm (Featherstone 2008, chapter 6).
 ///
 /// # Errors

@@ -11,7 +11,19 @@ from typing import Literal, TypeAlias, final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Bushing", "LinearSystem", "Mechanism", "Problem", "descend", "follow", "responses"]
+__all__ = [
+    "Bushing",
+    "LinearSystem",
+    "Mechanism",
+    "Plant",
+    "Problem",
+    "descend",
+    "follow",
+    "polynomial_backward_errors",
+    "polynomial_eigenvalues",
+    "polynomial_shapes",
+    "responses",
+]
 
 _Real: TypeAlias = NDArray[np.float64]
 _Complex: TypeAlias = NDArray[np.complex128]
@@ -38,6 +50,7 @@ class Mechanism:
     def n(self) -> int: ...
     def pose(self, q: _Real, frame: int) -> _Real: ...
     def jacobian(self, q: _Real, frame: int, *, own_axes: bool = False) -> _Real: ...
+    def frame_motion(self, q: _Real, qd: _Real, qdd: _Real, frame: int) -> _Real: ...
     def mass_matrix(self, q: _Real) -> _Real: ...
     def gravity_torque(self, q: _Real) -> _Real: ...
     def bias(self, q: _Real, qd: _Real) -> _Real: ...
@@ -125,6 +138,47 @@ def follow(
     poles: _Complex,
     shapes: _Complex,
 ) -> tuple[_Complex, _Complex, NDArray[np.float32], _Real, _Real]: ...
+def polynomial_backward_errors(coefficients: _Real, poles: _Complex) -> _Real: ...
+def polynomial_eigenvalues(coefficients: Sequence[_Real]) -> tuple[list[_Complex], list[int], list[bool]]: ...
+def polynomial_shapes(coefficients: _Real, poles: _Complex) -> _Complex: ...
 def responses(
     systems: Sequence[LinearSystem], stiffness: _Real, damping: _Real, s: _Complex, *, sensitivities: bool = False
 ) -> tuple[_Complex, _Complex | None]: ...
+
+@final
+class Plant:
+    def __new__(
+        cls,
+        mechanism: Mechanism,
+        *,
+        reference: _Real,
+        moving: Sequence[int],
+        springs: _Real,
+        drags: _Real,
+        preload: _Real,
+        bushings: Sequence[Bushing],
+        motors: _Real,
+        feedforward: _Real,
+        position: _Real,
+        velocity: _Real,
+        integral: _Real,
+        integrating: Sequence[int],
+        excitations: Sequence[tuple[int, Sequence[float], bool, str, Sequence[float], Sequence[float]]],
+    ) -> Plant: ...
+    @property
+    def states(self) -> int: ...
+    def rates(self, t: float, y: _Real, within: float) -> _Real: ...
+    def record(self, t: float, y: _Real, within: float) -> _Real: ...
+    def breaks(self) -> list[float]: ...
+    def run(
+        self,
+        start: _Real,
+        *,
+        longest: float,
+        step: float,
+        samples: int,
+        relative: float,
+        absolute: _Real,
+        sampled: tuple[float, float, bool, float, Sequence[float]] | None,
+        progress: Callable[[float], object] | None,
+    ) -> tuple[_Real, Literal["complete", "diverged", "stalled", "interrupted"], float, int, int, int, int]: ...

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from armonic.simulation.running import Run
+
 
 class ArmonicError(ValueError):
     """Base of every error that Armonic raises on purpose.
@@ -62,3 +67,17 @@ class UpdateError(ArmonicError):
 
 class SurveyError(ArmonicError):
     """A survey cannot be made as it is asked for, or its store belongs to another one."""
+
+
+class SignalError(ArmonicError):
+    """A time series, or what is asked of it, does not make sense: channels, sampling, orders or samples."""
+
+
+class SimulationError(ArmonicError):
+    """A run in time cannot be done as asked, or came to a state that no robot reaches.
+
+    Attributes:
+        run: what was computed of a run before it came there; None where nothing was run.
+    """
+
+    run: Run | None = None

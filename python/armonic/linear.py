@@ -220,7 +220,7 @@ def linearize(
         ModelError: every coordinate is locked, or there is no stable static equilibrium.
     """
     q = robot.posture(posture)
-    label = posture if isinstance(posture, str) else _label(robot, q)
+    label = label_of(robot, posture, q)
     rates = _rates(robot, "velocity", velocity), _rates(robot, "acceleration", acceleration)
     keep = np.flatnonzero(robot.flexible)
     if keep.size == 0:
@@ -231,7 +231,7 @@ def linearize(
             hint="Give a joint an `elasticity` with stiffness and damping, or a `drive`.",
         )
     load = load_of(robot, wrench, frame, wrench_axes)
-    bushings, loop = _bushings(robot, q), ClosedLoop.of(robot, keep)
+    bushings, loop = bushings_of(robot, q), ClosedLoop.of(robot, keep)
     rest = desired(robot, q, load)
     if equilibrium == "static":
         rest = settle(label, rest, load, bushings, keep, loop)
@@ -334,13 +334,16 @@ def _rates(robot: Robot, where: str, values: ArrayLike | None) -> Array:
     return rates
 
 
-def _label(robot: Robot, q: Array) -> str:
-    """A posture without a name: its joint coordinates, and of the virtual ones those that are not zero."""
+def label_of(robot: Robot, posture: Posture, q: Array) -> str:
+    """The name of a posture; of one without, its joint coordinates, and the virtual ones that are not zero."""
+    if isinstance(posture, str):
+        return posture
     shown = [i for i, name in enumerate(robot.coordinates) if name in robot.joint_coordinates or q[i] != 0]
     return ", ".join(f"{robot.coordinates[i]} = {q[i]:.4g}" for i in shown)
 
 
-def _bushings(robot: Robot, q: Array) -> list[_core.Bushing]:
+def bushings_of(robot: Robot, q: Array) -> list[_core.Bushing]:
+    """The bushings of a robot for the core; those without a rest of their own are unloaded at q."""
     return [
         _core.Bushing(
             robot.mechanism,

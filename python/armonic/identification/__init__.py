@@ -1,0 +1,1 @@
+"""Identification: from time series to modes, without and with a known input."""

@@ -1,0 +1,1 @@
+"""Simulation in time: excitations, runs, and what sensors make of them."""

@@ -1,0 +1,383 @@
+"""Forces and moments that excite a robot over time: what they are, where they act, and how the core is told."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, ClassVar, TypeAlias
+
+import numpy as np
+
+from armonic.errors import SimulationError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from armonic.robot import Robot
+    from armonic.series import TimeSeries
+
+    Array: TypeAlias = NDArray[np.float64]
+    Waveform: TypeAlias = tuple[str, list[float], list[float]]
+    CoreExcitation: TypeAlias = tuple[int, list[float], bool, str, list[float], list[float]]
+
+_AXIS = re.compile(r"(r?)([xyz])(0?)")
+SAMPLES_PER_PERIOD = 20
+"""Noise is made so finely that straight lines between its values lose less than 1 % of its highest frequency."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Excitation:
+    """A force or moment along one axis of a frame.
+
+    Attributes:
+        axis: "x", "y", "z" for a force along an axis of the frame, "rx", "ry", "rz" for a moment about it; with a 0
+            behind it ("y0") the axis of the world.
+        frame: where it acts; None: at the only frame that the robot file defines.
+    """
+
+    axis: str
+    frame: str | None = None
+
+    name: ClassVar[str] = "excitation"
+
+    def __post_init__(self) -> None:
+        if not (isinstance(self.axis, str) and _AXIS.fullmatch(self.axis)):
+            raise SimulationError(
+                f"{self.name}.axis",
+                found=repr(self.axis),
+                expected="x, y, z, rx, ry or rz of the frame, or x0, ... rz0 of the world",
+            )
+        self._check()
+
+    def _check(self) -> None:
+        """Refuse numbers that make no such excitation."""
+
+    @property
+    def unit(self) -> str:
+        """Of its values: "N" for a force, "N m" for a moment."""
+        return "N m" if self.axis.startswith("r") else "N"
+
+    def waveform(self, duration_s: float) -> Waveform:
+        """Kind, numbers and samples of the waveform, as the core takes them, for a run of some length.
+
+        Raises:
+            SimulationError: it does not last as long.
+        """
+        raise NotImplementedError
+
+    def frame_on(self, robot: Robot) -> str:
+        """The name of the frame at which it acts.
+
+        Raises:
+            SimulationError: none is given, and the robot file does not define exactly one.
+            PostureError: the robot has no such frame.
+        """
+        if self.frame is not None:
+            robot.frame_index(self.frame)
+            return self.frame
+        return only_frame(robot, f"{self.name}.frame")
+
+    def on(self, robot: Robot, duration_s: float) -> CoreExcitation:
+        """Frame, direction, whether it turns with the frame, and waveform, as the core takes them."""
+        moment, axis, world = _AXIS.fullmatch(self.axis).groups()  # type: ignore[union-attr]  # checked when made
+        direction = [0.0] * 6
+        direction["xyz".index(axis) + (3 if moment else 0)] = 1.0
+        return (robot.frame_index(self.frame_on(robot)), direction, not world, *self.waveform(duration_s))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Impulse(Excitation):
+    """A constant force for a short while, as in Do et al. 2022, section 4.3.
+
+    Attributes:
+        force: N, or N m.
+        duration_s: how long it acts.
+        start_s: when it begins.
+    """
+
+    force: float
+    duration_s: float
+    start_s: float = 0.2
+
+    name: ClassVar[str] = "Impulse"
+
+    def _check(self) -> None:
+        _finite(self, "force")
+        _finite(self, "start_s", least=0.0)
+        _finite(self, "duration_s", above=0.0)
+
+    def waveform(self, duration_s: float) -> Waveform:
+        """A constant from start to end."""
+        return "constant", [self.start_s, self.start_s + self.duration_s, self.force], []
+
+
+@dataclass(frozen=True, kw_only=True)
+class HammerPulse(Excitation):
+    """Half a sine, the force of a modal hammer.
+
+    Attributes:
+        force: peak, N.
+        duration_s: of the contact.
+        start_s: when it begins.
+    """
+
+    force: float
+    duration_s: float
+    start_s: float = 0.2
+
+    name: ClassVar[str] = "HammerPulse"
+
+    def _check(self) -> None:
+        _finite(self, "force")
+        _finite(self, "start_s", least=0.0)
+        _finite(self, "duration_s", above=0.0)
+
+    def waveform(self, duration_s: float) -> Waveform:
+        """Half a sine from start to end."""
+        return "half-sine", [self.start_s, self.start_s + self.duration_s, self.force], []
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step(Excitation):
+    """A force that sets in and stays.
+
+    Attributes:
+        force: N, or N m.
+        start_s: when it sets in.
+    """
+
+    force: float
+    start_s: float = 0.2
+
+    name: ClassVar[str] = "Step"
+
+    def _check(self) -> None:
+        _finite(self, "force")
+        _finite(self, "start_s", least=0.0)
+
+    def waveform(self, duration_s: float) -> Waveform:
+        """A constant without an end."""
+        return "constant", [self.start_s, math.inf, self.force], []
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sine(Excitation):
+    """A sine, such as the unbalance of a spindle.
+
+    Attributes:
+        force: amplitude, N or N m.
+        freq_hz: its frequency.
+        phase_rad: at the start.
+        start_s: when it begins.
+        stop_s: when it ends; None: never.
+    """
+
+    force: float
+    freq_hz: float
+    phase_rad: float = 0.0
+    start_s: float = 0.0
+    stop_s: float | None = None
+
+    name: ClassVar[str] = "Sine"
+
+    def _check(self) -> None:
+        for field_name in ("force", "freq_hz", "phase_rad"):
+            _finite(self, field_name)
+        _finite(self, "start_s", least=0.0)
+        _ends(self)
+
+    def waveform(self, duration_s: float) -> Waveform:
+        """A sine from start to stop."""
+        end = math.inf if self.stop_s is None else self.stop_s
+        return "sine", [self.start_s, end, self.force, self.freq_hz, self.phase_rad], []
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sweep(Excitation):
+    """A sine whose frequency runs evenly, or by even factors, from one value to another.
+
+    Attributes:
+        force: amplitude, N or N m.
+        from_hz: frequency at the start.
+        to_hz: frequency at the end.
+        logarithmic: whether the frequency grows by the same factor per second; else by the same number.
+        start_s: when it begins.
+        stop_s: when it ends; None: with the run.
+    """
+
+    force: float
+    from_hz: float
+    to_hz: float
+    logarithmic: bool = False
+    start_s: float = 0.0
+    stop_s: float | None = None
+
+    name: ClassVar[str] = "Sweep"
+
+    def _check(self) -> None:
+        _finite(self, "force")
+        _finite(self, "start_s", least=0.0)
+        for field_name in ("from_hz", "to_hz"):
+            _finite(self, field_name, above=0.0 if self.logarithmic else None, least=0.0)
+        _ends(self)
+
+    def waveform(self, duration_s: float) -> Waveform:
+        """A sweep from start to stop, or to the end of the run."""
+        end = max(duration_s, self.start_s) if self.stop_s is None else self.stop_s
+        return "sweep", [self.start_s, end, self.force, self.from_hz, self.to_hz, float(self.logarithmic)], []
+
+
+@dataclass(frozen=True, kw_only=True)
+class BandNoise(Excitation):
+    """Gaussian noise of even power over a band of frequencies.
+
+    Attributes:
+        rms: effective value, N or N m.
+        low_hz: lower end of the band.
+        high_hz: upper end.
+        seed: of the random numbers; the same seed, band and duration give the same noise.
+        start_s: when it begins.
+    """
+
+    rms: float
+    low_hz: float
+    high_hz: float
+    seed: int = 0
+    start_s: float = 0.0
+
+    name: ClassVar[str] = "BandNoise"
+
+    def _check(self) -> None:
+        _finite(self, "rms", least=0.0)
+        _finite(self, "low_hz", least=0.0)
+        _finite(self, "high_hz", above=self.low_hz)
+        _finite(self, "start_s", least=0.0)
+
+    def waveform(self, duration_s: float) -> Waveform:
+        """Samples whose spectrum has random phases and amplitudes within the band, and nothing outside."""
+        step = 1 / (SAMPLES_PER_PERIOD * self.high_hz)
+        count = max(2, math.ceil((duration_s - self.start_s) / step) + 2)
+        lines = np.fft.rfftfreq(count, step)
+        inside = (lines >= self.low_hz) & (lines <= self.high_hz)
+        if not inside.any():
+            raise SimulationError(
+                "BandNoise",
+                found=f"{self.low_hz:g} to {self.high_hz:g} Hz for {duration_s - self.start_s:g} s",
+                expected="a band with at least one line, one over the duration apart",
+                hint="Widen the band or lengthen the run.",
+            )
+        random = np.random.default_rng(self.seed)
+        spectrum = np.zeros(len(lines), np.complex128)
+        spectrum[inside] = random.normal(size=(2, int(inside.sum()))).T @ [1, 1j]
+        values = np.fft.irfft(spectrum, count)
+        return "samples", [self.start_s, step], (values * (self.rms / np.sqrt(np.mean(values**2)))).tolist()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MeasuredForce(Excitation):
+    """A force as it was measured: even samples joined by straight lines.
+
+    Attributes:
+        values: (samples,) N or N m.
+        sample_rate_hz: samples per second.
+        start_s: when the first sample acts.
+        ends_early: whether the force may end before the run, which then goes on without it.
+    """
+
+    values: ArrayLike = field(repr=False)
+    sample_rate_hz: float
+    start_s: float = 0.0
+    ends_early: bool = False
+
+    name: ClassVar[str] = "MeasuredForce"
+
+    @classmethod
+    def of(
+        cls,
+        series: TimeSeries,
+        channel: str = "force",
+        *,
+        axis: str,
+        frame: str | None = None,
+        ends_early: bool = False,
+    ) -> MeasuredForce:
+        """A channel of a time series.
+
+        Args:
+            series: the measurement; its first sample acts at the start of the run.
+            channel: name, quantity or label of one channel.
+            axis: as in `Excitation`.
+            frame: as in `Excitation`.
+            ends_early: whether the force may end before the run.
+
+        Raises:
+            SignalError: not exactly one channel is meant.
+        """
+        return cls(
+            axis=axis,
+            frame=frame,
+            values=series[channel],
+            sample_rate_hz=series.sample_rate_hz,
+            ends_early=ends_early,
+        )
+
+    def _check(self) -> None:
+        _finite(self, "sample_rate_hz", above=0.0)
+        _finite(self, "start_s", least=0.0)
+        values = self.samples
+        if values.ndim != 1 or values.size < 2:
+            raise SimulationError(f"{self.name}.values", found=f"shape {values.shape}", expected="two samples or more")
+        if not np.isfinite(values).all():
+            sample = int(np.argmin(np.isfinite(values)))
+            found = f"{values[sample]} at sample {sample}"
+            raise SimulationError(f"{self.name}.values", found=found, expected="finite numbers")
+
+    @cached_property
+    def samples(self) -> Array:
+        """The values as an array, (samples,)."""
+        return np.asarray(self.values, np.float64)
+
+    def waveform(self, duration_s: float) -> Waveform:
+        """The samples.
+
+        Raises:
+            SimulationError: they end before the run does, and may not.
+        """
+        end = self.start_s + (self.samples.size - 1) / self.sample_rate_hz
+        if end < duration_s - 1.5 / self.sample_rate_hz and not self.ends_early:
+            raise SimulationError(
+                self.name,
+                found=f"a force that ends at {end:g} s",
+                expected=f"one for the whole run of {duration_s:g} s",
+                hint="Shorten the run, or say that the force may end early.",
+            )
+        return "samples", [self.start_s, 1 / self.sample_rate_hz], self.samples.tolist()
+
+
+def only_frame(robot: Robot, where: str) -> str:
+    """The one frame that a robot file defines.
+
+    Raises:
+        SimulationError: it defines none or several.
+    """
+    names = [entry.name for entry in robot.description.frames]
+    if len(names) != 1:
+        raise SimulationError(where, found="none", expected=f"one of {', '.join(names or robot.frames)}")
+    return names[0]
+
+
+def _finite(excitation: Excitation, name: str, *, least: float | None = None, above: float | None = None) -> None:
+    value = getattr(excitation, name)
+    number = isinstance(value, int | float | np.number) and not isinstance(value, bool) and math.isfinite(value)
+    if number and (least is None or value >= least) and (above is None or value > above):
+        return
+    bound = f" above {above:g}" if above is not None else f" of at least {least:g}" if least is not None else ""
+    where = f"{excitation.name}.{name}"
+    raise SimulationError(where, found=repr(value), expected=f"a finite number{bound}")
+
+
+def _ends(excitation: Sine | Sweep) -> None:
+    if excitation.stop_s is not None:
+        _finite(excitation, "stop_s", above=excitation.start_s)
