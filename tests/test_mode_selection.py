@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from scipy.signal import lfilter
 
 import armonic as am
 from armonic.errors import SignalError
@@ -115,6 +116,26 @@ def test_white_noise_has_no_modes(channels):
     values = np.random.default_rng(channels).normal(size=(2000, channels))
     models = autoregressive_poles(values, 1000.0, range(2, 26))
     assert cluster(stabilize(list(models))) == []
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_resonances_driven_by_noise_are_found_and_nothing_else(seed):
+    rate_hz, seconds, resonances = 1000.0, 3.0, [(20.0, 0.03), (50.0, 0.02), (120.0, 0.05)]
+    rng = np.random.default_rng(seed)
+    motion = []
+    for freq_hz, damping in resonances:
+        mu = np.exp(pole(freq_hz, damping) / rate_hz)
+        motion.append(lfilter([1.0], [1.0, -2 * mu.real, abs(mu) ** 2], rng.normal(size=int(rate_hz * seconds))))
+    motion = np.column_stack([x / x.std() for x in motion])
+    noise = 0.1 * rng.normal(size=(len(motion), CHANNELS))
+    values = motion @ np.random.default_rng(7).normal(size=(3, CHANNELS)) + noise
+    modes = cluster(stabilize(list(autoregressive_poles(values, rate_hz, range(2, 31)))))
+    assert len(modes) == 3
+    for mode, (freq_hz, damping) in zip(modes, resonances, strict=True):
+        # Standard deviations of the maximum likelihood estimate from so many cycles; five of them.
+        cycles = TURN * freq_hz * seconds
+        assert mode.natural_freq_hz == pytest.approx(freq_hz, rel=5 * np.sqrt(damping / (2 * cycles)))
+        assert mode.damping_ratio == pytest.approx(damping, abs=5 * np.sqrt(damping / cycles))
 
 
 def test_no_poles_at_all_give_no_mode():

@@ -54,10 +54,11 @@ impl Cloud {
         2 * self.pairs.at.len() + self.singles.at.len()
     }
 
-    /// Adds a point on the real axis, a little off it.
+    /// Adds a point on the real axis, a little off it, and never where another one stands.
     pub(crate) fn push_real(&mut self, x: f64) {
-        let side = if self.singles.at.len().is_multiple_of(2) { KICK } else { -0.7 * KICK };
-        self.singles.push(C64::new(x, side * x.abs()));
+        let index = self.singles.at.len() as f64;
+        let side = if self.singles.at.len().is_multiple_of(2) { KICK } else { -KICK };
+        self.singles.push(C64::new(x, side * x.abs() / (1.0 + 0.1 * index)));
     }
 
     /// Σ 1/(z − z_j) over all points and conjugates of pairs; a point that stands at z itself adds nothing.

@@ -21,6 +21,8 @@ const RUN: usize = 8;
 const SWEEPS: usize = 200;
 /// Largest difference between the sum of all eigenvalues and the trace of A_1, as a share of the sum of their sizes.
 const COMPLETE: f64 = 1e-7;
+/// Points that start from known eigenvalues move by multiples of this share.
+const APART: f64 = 1e-6;
 /// Rounds of balancing.
 const BALANCING: usize = 10;
 /// Points of eigenvectors that are treated as one task.
@@ -154,9 +156,10 @@ fn start(polynomial: &Polynomial, known: &[C64<f64>]) -> Cloud {
     let mut cloud = Cloud::default();
     let count = polynomial.count();
     let mut known: Vec<_> = known.iter().filter(|z| z.im >= 0.0 && z.norm_sqr() > 0.0).collect();
-    for z in &known {
+    for (i, z) in known.iter().enumerate() {
         if z.im > 0.0 && cloud.count() + 2 <= count {
-            cloud.pairs.push(**z);
+            // Points that stand together would stay together, and double eigenvalues do.
+            cloud.pairs.push(**z * (1.0 + APART * i as f64));
         } else if z.im == 0.0 && cloud.count() < count {
             cloud.push_real(z.re);
         }

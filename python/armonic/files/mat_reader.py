@@ -28,7 +28,7 @@ _COMPLEX = 0x0800
 _DEEPEST = 8
 
 
-class Damage(ValueError):
+class DamageError(ValueError):
     """What is wrong with the bytes of a file, in words."""
 
 
@@ -55,23 +55,23 @@ def parse(data: bytes) -> dict[str, Value]:
     Numbers have the shape and the class they have in MATLAB.
 
     Raises:
-        Damage: the bytes are no such file, or not all of one.
+        DamageError: the bytes are no such file, or not all of one.
     """
     if len(data) < _HEADER:
-        raise Damage(f"{len(data)} bytes, too few for a header")
+        raise DamageError(f"{len(data)} bytes, too few for a header")
     order = {b"IM": "<", b"MI": ">"}.get(data[126:128])
     if order is None or data[125 if order == "<" else 124] != 1:
-        raise Damage("no header of version 5")
+        raise DamageError("no header of version 5")
     variables: dict[str, Value] = {}
     for element in _elements(data[_HEADER:], order, padded=False):
         kind, body = element
         if kind == _COMPRESSED:
             kind, body = _inflated(body, order)
         if kind != _MATRIX:
-            raise Damage(f"data of type {kind} where a variable should start")
+            raise DamageError(f"data of type {kind} where a variable should start")
         name, value = _variable(body, order, 0)
         if name in variables:
-            raise Damage(f"variable {name!r:.40} twice")
+            raise DamageError(f"variable {name!r:.40} twice")
         if name:  # what MATLAB keeps for its objects has none
             variables[name] = value
     return variables
@@ -82,12 +82,12 @@ def _inflated(body: bytes, order: str) -> _Element:
     try:
         plain = machine.decompress(body)
     except zlib.error as error:
-        raise Damage(f"a compressed variable that does not unpack ({error})") from error
+        raise DamageError(f"a compressed variable that does not unpack ({error})") from error
     if not machine.eof:
-        raise Damage("a compressed variable that is cut off")
+        raise DamageError("a compressed variable that is cut off")
     inner = list(_elements(plain, order, padded=True))
     if len(inner) != 1:
-        raise Damage(f"{len(inner)} variables in one that is compressed")
+        raise DamageError(f"{len(inner)} variables in one that is compressed")
     return inner[0]
 
 
@@ -96,18 +96,18 @@ def _elements(data: bytes, order: str, *, padded: bool) -> Iterator[_Element]:
     at = 0
     while at < len(data):
         if at + 8 > len(data):
-            raise Damage("an end within a tag")
+            raise DamageError("an end within a tag")
         (word,) = struct.unpack_from(f"{order}I", data, at)
         if word >> 16:  # a small element: type, size and up to four bytes in the place of a tag
             size, kind, start, after = word >> 16, word & 0xFFFF, at + 4, at + 8
             if size > 4:
-                raise Damage(f"a small element of {size} bytes")
+                raise DamageError(f"a small element of {size} bytes")
         else:
             (size,) = struct.unpack_from(f"{order}I", data, at + 4)
             kind, start = word, at + 8
             after = start + size + (-size % 8 if padded or kind != _COMPRESSED else 0)
         if start + size > len(data):
-            raise Damage(f"{len(data) - start} bytes of a variable's {size}")
+            raise DamageError(f"{len(data) - start} bytes of a variable's {size}")
         yield _Element(kind, data[start : start + size])
         at = after
 
@@ -115,35 +115,35 @@ def _elements(data: bytes, order: str, *, padded: bool) -> Iterator[_Element]:
 def _variable(body: bytes, order: str, depth: int) -> tuple[str, Value]:
     """Name and value of a matrix element."""
     if depth > _DEEPEST:
-        raise Damage(f"cells within cells, more than {_DEEPEST} deep")
+        raise DamageError(f"cells within cells, more than {_DEEPEST} deep")
     if not body:  # so an empty cell may be written
         return "", np.empty((0, 0))
     parts = _elements(body, order, padded=True)
     flags = _numbers(next(parts, None), order, "flags")
     if flags.size != 2:
-        raise Damage(f"{flags.size} words of flags")
+        raise DamageError(f"{flags.size} words of flags")
     kind = int(flags[0]) & 0xFF
     if kind not in (_CELL, _CHAR, *_CLASSES):
         return (_name(body, order) if 2 <= kind <= 5 else ""), None
     shape = tuple(int(n) for n in _numbers(next(parts, None), order, "dimensions"))
     if len(shape) < 2 or min(shape) < 0:
-        raise Damage(f"dimensions {shape}")
+        raise DamageError(f"dimensions {shape}")
     count = math.prod(shape)
     name = _decoded(next(parts, None), order)
     if kind == _CELL:
         items = list(parts)
         if len(items) != count or any(item.kind != _MATRIX for item in items):
-            raise Damage(f"{len(items)} cells of {count}")
+            raise DamageError(f"{len(items)} cells of {count}")
         return name, Cells(tuple(_variable(item.data, order, depth + 1)[1] for item in items))
     if kind == _CHAR:
         letters = _decoded(next(parts, None), order) if count else ""
         if len(letters) != count:
-            raise Damage(f"{len(letters)} letters of {count}")
+            raise DamageError(f"{len(letters)} letters of {count}")
         height = shape[0]
         return name, Text(tuple(letters[row::height] for row in range(height)) if count else ("",))
     columns = [_numbers(next(parts, None), order, name) for _ in range(2 if flags[0] & _COMPLEX else 1)]
     if any(column.size != count for column in columns):
-        raise Damage(f"{columns[0].size} numbers of {count} in {name!r:.40}")
+        raise DamageError(f"{columns[0].size} numbers of {count} in {name!r:.40}")
     with np.errstate(all="ignore"):
         values = [column.astype(_CLASSES[kind]) for column in columns]
     whole = values[0] if len(values) == 1 else values[0] + 1j * values[1]
@@ -159,20 +159,20 @@ def _name(body: bytes, order: str) -> str:
 def _numbers(element: _Element | None, order: str, what: str) -> NDArray[np.generic]:
     if element is None or element.kind not in _NUMBERS:
         found = "nothing" if element is None else f"data of type {element.kind}"
-        raise Damage(f"{found} for the numbers of {what!r:.40}")
+        raise DamageError(f"{found} for the numbers of {what!r:.40}")
     number = np.dtype(f"{order}{_NUMBERS[element.kind]}")
     if len(element.data) % number.itemsize:
-        raise Damage(f"{len(element.data)} bytes of numbers of {number.itemsize} each in {what!r:.40}")
+        raise DamageError(f"{len(element.data)} bytes of numbers of {number.itemsize} each in {what!r:.40}")
     return np.frombuffer(element.data, number)
 
 
 def _decoded(element: _Element | None, order: str) -> str:
     if element is None or element.kind not in _TEXTS:
-        raise Damage("no text" if element is None else f"data of type {element.kind} for text")
+        raise DamageError("no text" if element is None else f"data of type {element.kind} for text")
     coding = _TEXTS[element.kind]
     if coding in ("utf-16", "utf-32"):
         coding += "-le" if order == "<" else "-be"
     try:
         return element.data.decode(coding)
     except UnicodeDecodeError as error:
-        raise Damage(f"bytes that are no text in {coding}") from error
+        raise DamageError(f"bytes that are no text in {coding}") from error

@@ -11,7 +11,7 @@ import numpy as np
 
 from armonic.errors import DataFileError
 from armonic.files.cells import read_bytes
-from armonic.files.mat_reader import Cells, Damage, Text, Value, parse
+from armonic.files.mat_reader import Cells, DamageError, Text, Value, parse
 from armonic.files.sampling import Array, built, plain, settle
 from armonic.series import TimeSeries
 from armonic.writing import write_whole
@@ -98,7 +98,7 @@ def _content(path: str | Path) -> dict[str, Value]:
         raise DataFileError(str(path), found="a file of version 7.3 (HDF5)", expected=_EXPECTED, hint=hint)
     try:
         return parse(data)
-    except Damage as error:
+    except DamageError as error:
         raise DataFileError(str(path), found=f"another file, or a damaged one ({error})", expected=_EXPECTED) from error
 
 

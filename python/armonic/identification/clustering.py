@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 
 NEIGHBOURS = 4
 """Poles of an order that measure how crowded it is around a pole: more would reach into other regions of the plane."""
-CLOSENESS = 0.15
+CLOSENESS = 0.12
 """A pole of another order is the same mode if it lies within this share of the distance to the fourth pole there. Of
-poles strewn at random, 1 − (1 − 0.15²)⁴ = 9 % have one so close, before their shapes are looked at."""
+poles strewn at random, 1 − (1 − 0.12²)⁴ = 6 % have one so close, before their shapes are looked at."""
 CLOSENESS_PER_CHANNEL = 0.035
-"""With fewer than five channels the share is only this much of each. Shapes then say little or nothing against false
+"""With fewer than four channels the share is only this much of each. Shapes then say little or nothing against false
 poles, and those of noise drift slowly from order to order: found on noise of one to six channels."""
 SHAPE_WEIGHT = 0.5
 """Weight of 1 − MAC in that distance: shapes of weakly excited modes are far less certain than their poles."""
@@ -60,11 +60,14 @@ def select_modes(
 
     A mode comes back at every order at the same place; a pole of noise does not, but in a crowd one always finds
     another near by. So distance is measured in units of the crowd: a pole of another order stands for the same mode if
-    |Δ ln λ| + (1 − MAC) / 2 is below 0.15 of the distance |Δ ln λ| to the fourth nearest pole of that order (less with
+    |Δ ln λ| + (1 − MAC) / 2 is below 0.12 of the distance |Δ ln λ| to the fourth nearest pole of that order (less with
     few channels). |Δ ln λ| is |Δλ| / |λ| for small changes, and the fourth nearest adapts it to damped and undamped,
     low and high modes and to the size of the model alike. The pole that is held by most orders makes a mode with its
     partners, at most one of each order; then the next of what is left, until fewer than `least_share` of the orders
     hold one. Two modes that lie as close as one likes stay two as long as their poles scatter less than they are apart.
+
+    Methods whose orders are cut out of one and the same factorization (subspace methods) repeat false poles too; ask
+    for half of the orders there.
 
     The criteria of the stabilization are not used. The stages follow Reynders, Houbrechts & De Roeck 2012 (impossible
     poles, groups, groups too small); the measure of distance is our own. Of the modes, combinations of two others

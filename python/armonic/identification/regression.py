@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
 RIDGE = float(np.finfo(float).eps)
 """Weight of the coefficients beside channels of unit norm: no more than the rounding of the samples themselves."""
-ROWS = 8192
-"""Rows of lagged samples that are factorized at a time, so that long records need no more memory than short ones."""
-PANEL = 32
-"""Columns that LAPACK's blocked factorization takes at once."""
+ROWS = 256
+"""Rows of lagged samples that are folded into the triangle at a time: so few that they stay in cache."""
+WIDE = 200
+"""From so many columns on, LAPACK's blocked factorization takes 32 columns at once and not 8, which is faster there."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -54,8 +54,8 @@ class Regression:
 
     The rows k = p_max … N−1 of [lag 1 | … | lag p_max | y] are factorized together: the leading triangle of R with its
     last m columns is the least-squares problem of a lower order p over those rows (Vu et al. 2011). The rows
-    k = p … p_max−1, which that order can use as well, are then appended to its triangle (LAPACK's tpqrt), so that every
-    order is fitted to all samples it can reach: a motion that dies within a few samples is only in those rows.
+    k = p … p_max−1, which that order can use as well, are then folded into its triangle, so that every order is fitted
+    to all samples it can reach: a motion that dies within a few samples is only in those rows.
 
     Noise-free samples have fewer independent lags than a high order has. The coefficients they leave open are held by a
     ridge at rounding level (`RIDGE`): they come out finite and small, and the others are not moved beyond rounding.
@@ -73,11 +73,9 @@ class Regression:
         self.scale: Array = np.exp2(np.round(np.log2(norm)))
         self.samples: Array = samples / self.scale
         n, m = self.samples.shape
-        width = m * (largest + 1)
         triangle = np.diag(np.r_[np.full(m * largest, RIDGE), np.zeros(m)])
-        for start in range(largest, n, max(ROWS, 2 * width)):
-            block = self._rows(start, min(start + max(ROWS, 2 * width), n), largest)
-            triangle = _triangle(np.vstack([block, triangle]))
+        for start in range(largest, n, ROWS):
+            triangle = _folded(triangle, self._rows(start, min(start + ROWS, n), largest))
         self._triangle: Array = triangle
 
     def _rows(self, start: int, stop: int, order: int) -> Array:
@@ -91,12 +89,10 @@ class Regression:
         lags, whole = m * order, m * self.largest
         columns = np.r_[0:lags, whole : whole + m]
         top = self._triangle[:lags][:, columns]
-        rest = _triangle(self._triangle[lags:, whole:])
+        rest = np.linalg.qr(self._triangle[lags:, whole:], mode="r")
         triangle = np.vstack([top, np.hstack([np.zeros((m, lags)), rest])])
         if order < self.largest:
-            extra = self._rows(order, self.largest, order)
-            panel = min(PANEL, lags + m)
-            triangle, *_ = dtpqrt(0, panel, np.asfortranarray(triangle), np.asfortranarray(extra))
+            triangle = _folded(triangle, self._rows(order, self.largest, order))
         stacked = solve_triangular(triangle[:lags, :lags], triangle[:lags, lags:])
         left = np.triu(triangle[lags:, lags:])
         rows = n - order
@@ -110,6 +106,8 @@ class Regression:
         )
 
 
-def _triangle(matrix: Array) -> Array:
-    """R of the QR factorization of a matrix with at least as many rows as columns."""
-    return np.asarray(np.linalg.qr(matrix, mode="r"), np.float64)
+def _folded(triangle: Array, rows: Array) -> Array:
+    """R of the QR factorization of a triangle with more rows below it, by LAPACK's tpqrt."""
+    panel = min(len(triangle), 32 if len(triangle) >= WIDE else 8)
+    folded, *_ = dtpqrt(0, panel, np.asfortranarray(triangle), np.asfortranarray(rows))
+    return np.asarray(folded, np.float64)

@@ -1,0 +1,279 @@
+"""Operational modal analysis: from a time series to modes, through poles of many model orders and their selection."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
+
+import numpy as np
+
+from armonic.errors import SignalError
+from armonic.identification.autoregressive import vector_autoregression
+from armonic.identification.clustering import select_modes
+from armonic.identification.grid_search import grid_search
+from armonic.identification.harmonics import Flag, flags
+from armonic.identification.preprocessing import decimate as decimated
+from armonic.identification.preprocessing import detrend as detrended
+from armonic.identification.preprocessing import free_decay
+from armonic.identification.samples import checked_orders
+from armonic.identification.selection import Selection
+from armonic.identification.stabilization import Criteria, Stabilization, stabilize
+from armonic.identification.subspace import covariance_ssi
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from armonic.identification.poles import ModelPoles
+    from armonic.identification.selection import RejectedMode, SelectedMode
+    from armonic.series import TimeSeries
+
+    Array: TypeAlias = NDArray[np.float64]
+
+Method = Literal["var", "ssi"]
+"""Vector autoregression, or covariance-driven stochastic subspace identification."""
+Window = Literal["auto", "decay", "all"]
+Offset = Literal["auto", "none", "mean", "linear", "rest"]
+PREFERRED = ("motor_position", "joint_position", "acceleration", "velocity", "displacement")
+"""Quantities to identify from where none is asked for; the first that the series has."""
+DAMPED = 0.005
+"""Damping ratio above which nothing is a harmonic: a sine has none."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class OmaResult:
+    """The modes of a response, and everything they were chosen from.
+
+    Attributes:
+        method: how the poles were found.
+        series: the samples used: channels, window and offset as they were identified.
+        window: "decay" if the free decay after the excitation was taken, else "all" or the times.
+        orders: first and last model order.
+        stabilization: the poles of all orders.
+        modes: those selected, by natural frequency.
+        rejected: groups of poles that hold over the orders and are no modes, with the reason.
+        channels: labels of the channels, the entries of every shape.
+        harmonics: per mode, whether it is one of a machine that turned meanwhile.
+        seconds: how long it took.
+    """
+
+    method: Method
+    series: TimeSeries
+    window: str
+    orders: tuple[int, int]
+    stabilization: Stabilization
+    modes: tuple[SelectedMode, ...]
+    rejected: tuple[RejectedMode, ...]
+    channels: tuple[str, ...]
+    harmonics: tuple[Flag, ...]
+    seconds: float
+
+    def __repr__(self) -> str:
+        """How many modes, and out of what, in one line."""
+        return (
+            f"OmaResult({len(self.modes)} modes by {self.method} of orders {self.orders[0]} to {self.orders[1]}, "
+            f"{len(self.series)} samples of {len(self.channels)} channels)"
+        )
+
+    @property
+    def natural_freq_hz(self) -> Array:
+        """|λ| / 2π of each mode, (modes,)."""
+        return np.array([mode.natural_freq_hz for mode in self.modes])
+
+    @property
+    def damping_ratio(self) -> Array:
+        """−Re λ / |λ| of each mode, (modes,), a fraction."""
+        return np.array([mode.damping_ratio for mode in self.modes])
+
+
+def oma(
+    series: TimeSeries,
+    *,
+    channels: str | Sequence[str] | None = None,
+    orders: range | tuple[int, int] = (2, 100),
+    method: Method = "var",
+    window: Window | tuple[float, float] = "auto",
+    detrend: Offset = "auto",
+    decimate: int = 1,
+    band_hz: tuple[float, float] | None = None,
+    criteria: Criteria | None = None,
+    selection: Literal["cluster", "grid"] = "cluster",
+    freq_resolution_hz: float = 0.1,
+    damping_resolution: float = 0.001,
+    repeats: int | None = None,
+    spindle_hz: float | None = None,
+    block_rows: int | None = None,
+    deviations: bool = False,
+    progress: Callable[[str], object] | None = None,
+) -> OmaResult:
+    """Modes from responses alone (Do et al. 2022, section 4.3): poles of every model order, then those that are modes.
+
+    Args:
+        series: the response; a channel of force, if there is one, says where the free decay begins.
+        channels: what to identify from: quantities, names, labels or shell patterns; by default motor positions, or
+            what else there is of motion.
+        orders: model orders: lags of an autoregression, states of a subspace model.
+        method: "var" or "ssi".
+        window: "decay": from where the last force ends, or from the greatest response; "all"; (start, stop) in s;
+            "auto": the decay if a force acts and ends, else all.
+        detrend: what is taken off each channel, see `preprocessing.detrend`; "auto": where a decay ends, else the mean.
+        decimate: how many samples become one, after a low-pass filter.
+        band_hz: natural frequencies that are looked at; all if not given.
+        criteria: what makes a pole stable in the stabilization diagram.
+        selection: "cluster" needs no threshold; "grid" is that of the paper's tool, with the three that follow.
+        freq_resolution_hz: width of a cell of the grid.
+        damping_resolution: height of a cell, a fraction.
+        repeats: least number of orders in a cell; half of them if not given.
+        spindle_hz: turns per second of a machine that ran; its harmonics are flagged.
+        block_rows: of the covariances of "ssi"; by default as many as the orders need, 30 at least.
+        deviations: for "var", also the standard deviation of each pole (`stabilization.freq_std_hz`).
+        progress: called with the name of each stage; what it raises ends the work.
+
+    Raises:
+        SignalError: channels, window, orders or samples make no sense; it says the largest order that is possible.
+    """
+    began = time.perf_counter()
+    _refuse_odd(method, window, detrend, selection)
+    say = progress or (lambda stage: None)
+    say("preparing the samples")
+    patterns = _patterns(series, channels)
+    cut, taken = _cut(series, patterns, window)
+    used = _without_offset(cut, detrend, taken)
+    used = decimated(used, decimate)
+    _refuse_constant(used)
+    listed = checked_orders(orders, step=1 if method == "var" else 2)
+    say(f"poles of orders {listed[0]} to {listed[-1]}")
+    models = _poles(used, method, orders, band_hz, block_rows, deviations)
+    say("comparing orders")
+    stabilization = stabilize(models, _within(criteria, band_hz))
+    say("selecting modes")
+    if selection == "cluster":
+        chosen = select_modes(stabilization)
+    else:
+        grid = grid_search(
+            stabilization,
+            freq_resolution_hz=freq_resolution_hz,
+            damping_resolution=damping_resolution,
+            repeats=repeats,
+        )
+        chosen = Selection(tuple(grid))
+    inside = tuple(mode for mode in chosen.modes if _inside(mode.natural_freq_hz, band_hz))
+    return OmaResult(
+        method=method,
+        series=used,
+        window=taken,
+        orders=(listed[0], listed[-1]),
+        stabilization=stabilization,
+        modes=inside,
+        rejected=tuple(mode for mode in chosen.rejected if _inside(mode.natural_freq_hz, band_hz)),
+        channels=used.labels,
+        harmonics=_harmonics(used, inside, spindle_hz, decay=taken == "decay"),
+        seconds=time.perf_counter() - began,
+    )
+
+
+def _refuse_odd(method: str, window: object, detrend: str, selection: str) -> None:
+    for name, value, words in (
+        ("method", method, get_args(Method)),
+        ("detrend", detrend, get_args(Offset)),
+        ("selection", selection, ("cluster", "grid")),
+    ):
+        if value not in words:
+            raise SignalError(name, found=repr(value), expected=f"one of {', '.join(words)}")
+    if isinstance(window, str) and window not in get_args(Window):
+        expected = f"one of {', '.join(get_args(Window))}, or (start, stop) in s"
+        raise SignalError("window", found=repr(window), expected=expected)
+
+
+def _patterns(series: TimeSeries, channels: str | Sequence[str] | None) -> tuple[str, ...]:
+    if isinstance(channels, str):
+        return (channels,)
+    if channels is not None:
+        return tuple(channels)
+    quantities = {channel.quantity for channel in series.channels}
+    for quantity in PREFERRED:
+        if quantity in quantities:
+            return (quantity,)
+    rest = tuple(c.label for c in series.channels if c.quantity not in ("force", "energy", "power"))
+    if not rest:
+        raise SignalError("channels", found="no channel of motion", expected="at least one", hint="Name the channels.")
+    return rest
+
+
+def _cut(series: TimeSeries, patterns: tuple[str, ...], window: Window | tuple[float, float]) -> tuple[TimeSeries, str]:
+    """The channels within the window, and what the window is."""
+    chosen = series.select(*patterns)
+    if not isinstance(window, str):
+        start, stop = window
+        return chosen.window(start, stop), f"{start:g} to {stop:g} s"
+    forces = [k for k, channel in enumerate(series.channels) if channel.quantity == "force"]
+    ends = bool(forces) and bool(np.any(series.values[:, forces])) and not np.any(series.values[-1, forces])
+    if window == "all" or (window == "auto" and not ends):
+        return chosen, "all"
+    shown = series.select(*chosen.labels, *(series.labels[k] for k in forces))
+    return free_decay(shown).select(*chosen.labels), "decay"
+
+
+def _without_offset(series: TimeSeries, detrend: Offset, window: str) -> TimeSeries:
+    if detrend == "none":
+        series.finite()
+        return series
+    if detrend == "auto":
+        return detrended(series, "rest" if window == "decay" else "mean")
+    return detrended(series, detrend)
+
+
+def _refuse_constant(series: TimeSeries) -> None:
+    still = np.flatnonzero(np.ptp(series.values, axis=0) == 0)
+    if len(still):
+        raise SignalError(
+            series.labels[still[0]],
+            found=f"the same value in all {len(series)} samples",
+            expected="a signal",
+            hint="Leave the channel out.",
+        )
+
+
+def _poles(
+    series: TimeSeries,
+    method: Method,
+    orders: range | tuple[int, int],
+    band_hz: tuple[float, float] | None,
+    block_rows: int | None,
+    deviations: bool,
+) -> list[ModelPoles]:
+    rate = series.sample_rate_hz
+    if method == "var":
+        return vector_autoregression(series.values, rate, orders=orders, band_hz=band_hz, deviations=deviations)
+    if deviations:
+        raise SignalError("deviations", found="True with ssi", expected='method="var"')
+    if block_rows is None:
+        last = checked_orders(orders, step=2)[-1]
+        block_rows = max(math.ceil(last / len(series.channels)) + 1, 30)
+    return covariance_ssi(series.values, rate, orders=orders, block_rows=block_rows, band_hz=band_hz)
+
+
+def _within(criteria: Criteria | None, band_hz: tuple[float, float] | None) -> Criteria:
+    return criteria if criteria is not None else Criteria(freq_range_hz=band_hz)
+
+
+def _inside(freq_hz: float, band_hz: tuple[float, float] | None) -> bool:
+    return band_hz is None or band_hz[0] <= freq_hz <= band_hz[1]
+
+
+def _harmonics(
+    series: TimeSeries, modes: Sequence[SelectedMode], spindle_hz: float | None, *, decay: bool
+) -> tuple[Flag, ...]:
+    """A flag per mode; only modes that could be a sine are looked at."""
+    if decay and spindle_hz is None:
+        return tuple(Flag(m.natural_freq_hz, False, "a free decay has no harmonics", math.nan) for m in modes)
+    found = []
+    for mode in modes:
+        f, damping = mode.natural_freq_hz, mode.damping_ratio
+        if damping > DAMPED or f >= series.sample_rate_hz / 2:
+            found.append(Flag(f, False, f"damped by {100 * damping:.2g} %", math.nan))
+        else:
+            found.extend(flags(series, [f], spindle_hz, damping_ratio=[damping]))
+    return tuple(found)
