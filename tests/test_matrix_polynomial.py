@@ -219,6 +219,15 @@ def test_double_poles_of_one_order_do_not_stay_together_in_the_next():
         assert distance(poles, np.repeat(solve(random(p, p, 3)), 2)).max() < 1e-13  # as above
 
 
+def test_zeros_of_one_order_do_not_hide_the_poles_of_the_next():
+    first = np.array([[[0.0, 0.5], [0.0, 0.0]]])  # a chain of two zeros
+    both = np.concatenate([first, np.diag([-0.5, 0.0])[None]])
+    found = _core.polynomial_eigenvalues([first, both])[0][1]
+    root = np.sqrt(0.5)
+    # The zeros are a chain of two, which loses half the digits.
+    assert distance(found, np.array([0, 0, 1j * root, -1j * root])).max() < 10 * np.sqrt(EPS)
+
+
 def test_six_equal_channels_have_every_root_six_times():
     recursion = np.array([1.2, -0.5, 0.3])
     roots = np.roots([1.0, *-recursion])

@@ -337,13 +337,9 @@ def test_the_modes_of_a_nonlinear_chain_are_told_from_its_combination_tones():
 def test_the_grid_finds_modes_that_stay_within_its_resolution():
     modes = grid_search(stabilize(models_of(ROBOT, seed=0)), repeats=40)
     kept = [truth for truth in ROBOT if truth.scatter * truth.freq_hz < 0.02]
-    assert names(modes) == names_of(kept)
+    assert names(modes) == [(round(t.freq_hz, 1), round(t.damping, 2)) for t in kept]
     for mode, truth in zip(modes, kept, strict=True):
         assert abs(mode.pole / truth.pole - 1) < 1e-4
-
-
-def names_of(truths):
-    return [(round(t.freq_hz, 1), round(t.damping, 2)) for t in truths]
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.013, 0.05, 0.087])

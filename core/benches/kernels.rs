@@ -1,5 +1,5 @@
 //! Speed of the hot kernels: on the KUKA KR90 model of Huynh et al. 2021 with nine coordinates, 152 lines, 18 parameters,
-//! and of following the twelve modes of the robot Scompi of Do et al. 2022.
+//! of following the twelve modes of the robot Scompi of Do et al. 2022, and of the poles of autoregressions of six channels.
 //!
 //! Run with `cargo bench -p armonic-core`; `RAYON_NUM_THREADS=1` keeps everything on one thread.
 
@@ -10,6 +10,7 @@ mod scompi;
 use armonic_core::dynamics::{self, Workspace};
 use armonic_core::frf::responses;
 use armonic_core::linearize::{OperatingPoint, Tangent, at_rest, linearize};
+use armonic_core::matrix_polynomial::eigenvalues;
 use armonic_core::modes::{Walk, follow};
 use armonic_core::residual::{Problem, Target};
 use criterion::{Criterion, criterion_group, criterion_main};
@@ -80,5 +81,17 @@ fn survey(c: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, kernels, survey);
+fn poles(c: &mut Criterion) {
+    const CHANNELS: usize = 6;
+    // Coefficients that wander and fade, alike from order to order.
+    let entry = |i: usize| (1.7 * (i * i) as f64).sin() / (1.0 + (i / 36) as f64);
+    let longest: Vec<_> = (0..100 * CHANNELS * CHANNELS).map(entry).collect();
+    let orders: Vec<_> = (2..=100).map(|p| &longest[..p * CHANNELS * CHANNELS]).collect();
+    assert!(eigenvalues(CHANNELS, &orders).unwrap().iter().all(|order| order.converged));
+    c.bench_function("poles of six channels, orders 2 to 100", |b| {
+        b.iter(|| eigenvalues(CHANNELS, black_box(&orders)).unwrap());
+    });
+}
+
+criterion_group!(benches, kernels, survey, poles);
 criterion_main!(benches);

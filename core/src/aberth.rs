@@ -186,12 +186,15 @@ impl Cloud {
             let mut step = (slope - away).inv();
             let (size, pivot) = (size.as_slice()[lane], pivot.as_slice()[lane].sqrt());
             // Where the push is as strong as the pull, another point already stands at this eigenvalue.
-            let free = pivot == 0.0 || (slope - away).norm() > FREE * slope.norm();
+            let free = if pivot > 0.0 {
+                (slope - away).norm() > FREE * slope.norm()
+            } else {
+                step = C64::new(0.0, 0.0); // no telling how far
+                away.norm() * point.norm() * STILL.sqrt() < 1.0
+            };
             let singular = pivot <= SINGULAR * size && size > SMALLEST && free;
-            if pivot == 0.0 {
-                step = C64::new(0.0, 0.0); // it cannot be told how far, nor is there any way to go
-            } else if !step.is_finite() {
-                step = 0.1 * point; // on a saddle; anywhere else will do
+            if !singular && (pivot == 0.0 || !step.is_finite()) {
+                step = 0.1 * point; // anywhere else will do
             }
             if singular && step.norm() > last.unwrap_or(0.0) {
                 step = C64::new(0.0, 0.0); // rounding only

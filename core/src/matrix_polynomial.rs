@@ -17,10 +17,15 @@ use std::f64::consts::PI;
 
 /// Orders that are walked one after the other; runs of them are independent, so that threads do not change a result.
 const RUN: usize = 8;
-/// Sweeps after which an order is given up.
+/// How often an order is started; after the first time without its neighbour.
+const ATTEMPTS: usize = 3;
+/// Sweeps after which a start is given up.
 const SWEEPS: usize = 200;
-/// Largest difference between the sum of all eigenvalues and the trace of A_1, as a share of the sum of their sizes.
+/// Largest difference between the sum of all eigenvalues, or squares, and what it is known to be, as a share of the sum
+/// of their sizes.
 const COMPLETE: f64 = 1e-7;
+/// Eigenvalues below this share of what is expected of the largest tell nothing: they are zeros to rounding.
+const SMALL: f64 = 1e-8;
 /// Points that start from known eigenvalues move by multiples of this share.
 const APART: f64 = 1e-6;
 /// Rounds of balancing.
@@ -111,22 +116,36 @@ impl WithSimd for Walk<'_> {
             let (scaled, _) = balanced(m, &order[..order.len() - zeros * size]);
             let polynomial = Polynomial::new(m, &scaled);
             let before = out.last().filter(|spectrum| spectrum.converged);
-            let mut cloud = start(&polynomial, before.map_or(&[], |spectrum| &spectrum.eigenvalues));
-            let (sweeps, converged) = cloud.settle(simd, &polynomial, &mut work, SWEEPS);
-            let eigenvalues = symmetric(&cloud, zeros * m);
-            let converged = converged && complete(m, order, &eigenvalues);
+            let mut known = before.map_or(&[][..], |spectrum| &spectrum.eigenvalues);
+            let (mut eigenvalues, mut sweeps, mut converged) = (Vec::new(), 0, false);
+            for attempt in 0..ATTEMPTS {
+                let mut cloud = start(&polynomial, known, attempt);
+                let (taken, settled) = cloud.settle(simd, &polynomial, &mut work, SWEEPS);
+                eigenvalues = symmetric(&cloud, zeros * m);
+                sweeps += taken;
+                converged = settled && complete(m, order, &eigenvalues);
+                if converged {
+                    break;
+                }
+                known = &[];
+            }
             out.push(Spectrum { eigenvalues, sweeps, converged });
         }
         out
     }
 }
 
-/// Whether the eigenvalues add up to the trace of A_1: one that is missing or stands there twice shows.
+/// Whether the eigenvalues and their squares add up to the traces of the companion matrix and its square, tr A_1 and
+/// tr A_1² + 2 tr A_2: one that is missing or stands there twice shows.
 fn complete(m: usize, order: &[f64], eigenvalues: &[C64<f64>]) -> bool {
-    let trace: f64 = (0..m).map(|i| order[i * m + i]).sum();
-    let sum: f64 = eigenvalues.iter().map(|z| z.re).sum();
-    let size: f64 = eigenvalues.iter().map(|z| z.norm()).sum();
-    size.is_finite() && (sum - trace).abs() <= COMPLETE * size
+    let (first, second) = order.split_at(m * m);
+    let trace = |a: &[f64]| a.iter().step_by(m + 1).take(m).sum::<f64>();
+    let square: f64 = (0..m * m).map(|e| first[e] * first[e % m * m + e / m]).sum();
+    let near =
+        |sum: f64, expected: f64, size: f64| size.is_finite() && (sum - expected).abs() <= COMPLETE * size;
+    let of = |f: fn(&C64<f64>) -> f64| eigenvalues.iter().map(f).sum::<f64>();
+    near(of(|z| z.re), trace(first), of(|z| z.norm()))
+        && near(of(|z| (z * z).re), square + 2.0 * trace(second), of(|z| z.norm_sqr()))
 }
 
 /// S⁻¹A_kS for all coefficients and the diagonal of S, powers of two that bring rows and columns of Σ|A_k| to like size:
@@ -152,10 +171,12 @@ fn balanced(m: usize, coefficients: &[f64]) -> (Vec<f64>, Vec<f64>) {
 }
 
 /// Points to start from: eigenvalues of another order, and new ones for those that are missing.
-fn start(polynomial: &Polynomial, known: &[C64<f64>]) -> Cloud {
+fn start(polynomial: &Polynomial, known: &[C64<f64>], attempt: usize) -> Cloud {
     let mut cloud = Cloud::default();
     let count = polynomial.count();
-    let mut known: Vec<_> = known.iter().filter(|z| z.im >= 0.0 && z.norm_sqr() > 0.0).collect();
+    let circles = circles(polynomial);
+    let largest = circles.iter().map(|(radius, _)| *radius).fold(0.0, f64::max);
+    let mut known: Vec<_> = known.iter().filter(|z| z.im >= 0.0 && z.norm() > SMALL * largest).collect();
     for (i, z) in known.iter().enumerate() {
         if z.im > 0.0 && cloud.count() + 2 <= count {
             // Points that stand together would stay together, and double eigenvalues do.
@@ -166,23 +187,23 @@ fn start(polynomial: &Polynomial, known: &[C64<f64>]) -> Cloud {
     }
     let missing = count - cloud.count();
     if known.is_empty() {
-        for (radius, points) in circles(polynomial) {
-            scatter(&mut cloud, radius, points);
+        for (radius, points) in circles {
+            scatter(&mut cloud, radius, points, attempt);
         }
     } else if missing > 0 {
         known.sort_by(|a, b| a.norm_sqr().total_cmp(&b.norm_sqr()));
-        scatter(&mut cloud, known[known.len() / 2].norm(), missing);
+        scatter(&mut cloud, known[known.len() / 2].norm(), missing, attempt);
     }
     cloud
 }
 
 /// Spreads points over a circle, pairs and a real one if the number is odd; a little off it, which breaks symmetries
 /// that the iteration would keep.
-fn scatter(cloud: &mut Cloud, radius: f64, points: usize) {
+fn scatter(cloud: &mut Cloud, radius: f64, points: usize, attempt: usize) {
     let pairs = points / 2;
     for j in 0..pairs {
         let angle = PI * (j as f64 + 0.5) / pairs as f64;
-        let off = 1.0 + 0.03 * (7.0 * angle + pairs as f64).sin();
+        let off = 1.0 + 0.03 * (7.0 * angle + (pairs + attempt) as f64).sin();
         cloud.pairs.push(C64::from_polar(radius * off, angle));
     }
     if points % 2 == 1 {

@@ -16,6 +16,8 @@ use std::cell::RefCell;
 const BEYOND: f64 = 1e3;
 /// Steps without an end in sight of one piece of a run.
 const MOST_STEPS: usize = 50_000_000;
+/// A step may be shortened to this share of itself to meet a sample, where no interpolant comes between.
+const LANDS: f64 = 0.75;
 /// Two instants closer than this share of the sampling time are one.
 const SAME: f64 = 1e-9;
 
@@ -198,6 +200,7 @@ impl Walk<'_> {
                 method.set_h(left);
             } else {
                 self.step = method.h();
+                method.set_h(self.landing(before));
             }
             self.run.steps += 1;
             match method.step(&equations) {
@@ -218,15 +221,25 @@ impl Walk<'_> {
             if let Some(body) = bodies.iter().position(|x| x.is_nan() || x.abs() > BEYOND) {
                 return Ok(Some(Ending::Diverged { time: method.t(), body }));
             }
-            while self.sampled < settings.samples && self.instant() < f64::min(method.t(), to - near) {
+            while self.sampled < settings.samples && self.instant() < f64::min(method.t() + near, to - near) {
                 let t = self.instant();
-                let state = method.interpolate(t).map_err(|_| Error::MassNotPositiveDefinite)?;
+                let landed = (method.t() - t).abs() <= near;
+                let between = |_| Error::MassNotPositiveDefinite;
+                let state =
+                    if landed { method.y().clone() } else { method.interpolate(t).map_err(between)? };
                 self.run.rows.extend(row(&equations, t, &state)?);
                 self.sampled += 1;
             }
         }
         self.y.clone_from(method.y());
         Ok(None)
+    }
+
+    /// The step to take: a little shorter than the method would have it where the next sample is then met exactly.
+    fn landing(&self, now: f64) -> f64 {
+        let due = self.instant() - now;
+        let even = due / (due / self.step - 1e-9).ceil().max(1.0);
+        if even > LANDS * self.step && even <= self.step { even } else { self.step }
     }
 
     /// When the next sample is due.

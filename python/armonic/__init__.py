@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from armonic.assurance import frac
     from armonic.catalog import names as robots
     from armonic.checks import Finding, check
+    from armonic.comparison import Comparison, ModePair, ModeTable, compare
     from armonic.errors import (
         ArmonicError,
         DataFileError,
@@ -27,16 +28,42 @@ if TYPE_CHECKING:
         ModelError,
         PostureError,
         RobotFileError,
+        SignalError,
+        SimulationError,
         SurveyError,
         UpdateError,
     )
     from armonic.files import read_csv, read_frf, read_uff, write_csv, write_frf, write_uff
+    from armonic.files.series_files import read_series, write_series
+    from armonic.identification.clustering import select_modes
+    from armonic.identification.grid_search import grid_search
+    from armonic.identification.oma import OmaResult, oma
+    from armonic.identification.poles import ModelPoles
+    from armonic.identification.selection import RejectedMode, SelectedMode
+    from armonic.identification.stabilization import Criteria, Stabilization, stabilize
+    from armonic.identification_report import write_identification_report
     from armonic.linear import LinearModel, linearize
     from armonic.map_report import write_map_report
     from armonic.modal import Modes, mac, modes
     from armonic.report import write_report
     from armonic.response import Frf
     from armonic.robot import Robot, load
+    from armonic.series import Channel, TimeSeries
+    from armonic.simulation.control import SampledControl
+    from armonic.simulation.excitations import (
+        BandNoise,
+        Excitation,
+        HammerPulse,
+        Impulse,
+        MeasuredForce,
+        Sine,
+        Step,
+        Sweep,
+    )
+    from armonic.simulation.joints import Backlash, Coulomb, Hardening
+    from armonic.simulation.linear_response import linear_response
+    from armonic.simulation.running import Run, simulate
+    from armonic.simulation.sensors import AntiAlias, Sensor, measure
     from armonic.stability import GainMargin, gain_margins
     from armonic.state_space import StateSpace
     from armonic.surveying import Grid, Sample, path, survey
@@ -63,10 +90,18 @@ if TYPE_CHECKING:
     from armonic.updating.profile import Profile, profile
 
 __all__ = [
+    "AntiAlias",
     "ArmonicError",
+    "Backlash",
+    "BandNoise",
     "Candidate",
+    "Channel",
+    "Comparison",
+    "Coulomb",
+    "Criteria",
     "DataFileError",
     "Direction",
+    "Excitation",
     "Finding",
     "Fit",
     "FittedParameter",
@@ -76,13 +111,21 @@ __all__ = [
     "GainMargin",
     "Genetic",
     "Grid",
+    "HammerPulse",
+    "Hardening",
+    "Impulse",
     "Law",
     "LinearModel",
+    "MeasuredForce",
     "Measurement",
     "ModalIntervals",
     "ModalMeasurement",
+    "ModePair",
+    "ModeTable",
     "ModelError",
+    "ModelPoles",
     "Modes",
+    "OmaResult",
     "Parameter",
     "Plan",
     "PlannedParameter",
@@ -92,40 +135,63 @@ __all__ = [
     "Progress",
     "Ranked",
     "Record",
+    "RejectedMode",
     "Robot",
     "RobotFileError",
+    "Run",
     "Sample",
+    "SampledControl",
+    "SelectedMode",
+    "Sensor",
+    "SignalError",
+    "SimulationError",
+    "Sine",
+    "Stabilization",
     "StateSpace",
+    "Step",
     "SurveyError",
+    "Sweep",
+    "TimeSeries",
     "UpdateError",
     "candidates",
     "check",
+    "compare",
     "correlation",
     "directions",
     "frac",
     "frf",
     "frf_bands",
     "gain_margins",
+    "grid_search",
+    "linear_response",
     "linearize",
     "load",
     "mac",
+    "measure",
     "modal_intervals",
     "modes",
+    "oma",
     "path",
     "peak_weights",
     "plan_measurement",
     "profile",
     "read_csv",
     "read_frf",
+    "read_series",
     "read_uff",
     "responses",
     "robots",
+    "select_modes",
+    "simulate",
+    "stabilize",
     "survey",
     "update",
     "write_csv",
     "write_frf",
+    "write_identification_report",
     "write_map_report",
     "write_report",
+    "write_series",
     "write_uff",
 ]
 
@@ -136,10 +202,28 @@ _HOME = {
     "catalog": ("robots",),
     "checks": ("Finding", "check"),
     "errors": (
-        "ArmonicError", "DataFileError", "FrfError", "ModelError", "PostureError", "RobotFileError", "SurveyError",
-        "UpdateError",
+        "ArmonicError", "DataFileError", "FrfError", "ModelError", "PostureError", "RobotFileError", "SignalError",
+        "SimulationError", "SurveyError", "UpdateError",
     ),
     "files": ("read_csv", "read_frf", "read_uff", "write_csv", "write_frf", "write_uff"),
+    "comparison": ("Comparison", "ModePair", "ModeTable", "compare"),
+    "files.series_files": ("read_series", "write_series"),
+    "identification.grid_search": ("grid_search",),
+    "identification.oma": ("OmaResult", "oma"),
+    "identification.poles": ("ModelPoles",),
+    "identification.selection": ("RejectedMode", "SelectedMode"),
+    "identification.stabilization": ("Criteria", "Stabilization", "stabilize"),
+    "identification.clustering": ("select_modes",),
+    "identification_report": ("write_identification_report",),
+    "series": ("Channel", "TimeSeries"),
+    "simulation.control": ("SampledControl",),
+    "simulation.excitations": (
+        "BandNoise", "Excitation", "HammerPulse", "Impulse", "MeasuredForce", "Sine", "Step", "Sweep",
+    ),
+    "simulation.joints": ("Backlash", "Coulomb", "Hardening"),
+    "simulation.linear_response": ("linear_response",),
+    "simulation.running": ("Run", "simulate"),
+    "simulation.sensors": ("AntiAlias", "Sensor", "measure"),
     "linear": ("LinearModel", "linearize"),
     "map_report": ("write_map_report",),
     "modal": ("Modes", "mac", "modes"),

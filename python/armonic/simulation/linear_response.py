@@ -14,7 +14,7 @@ from armonic.linear import linearize
 from armonic.series import Channel, TimeSeries
 from armonic.simulation.excitations import Excitation
 from armonic.simulation.running import acting_of, frames_of, samples_of
-from armonic.simulation.signals import WORLD, force_names, units_of
+from armonic.simulation.signals import WORLD, force_names, notes_of, units_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -71,7 +71,7 @@ def linear_response(
 ) -> TimeSeries:
     """What the model linearized at the posture does (Do et al. 2022, Eqs. 8 and 14), by matrix exponentials.
 
-    Constant, straight and sinusoidal forces are solved exactly; a sweep is taken as straight lines, a hundred to a period.
+    Constant, straight and sinusoidal forces are solved exactly; a sweep is taken as a hundred straight lines a period.
 
     Args:
         robot: as in `simulate`, with all that follows.
@@ -232,6 +232,6 @@ def _series(
         add(velocity[:, :n] @ rows, "velocity", names, ["m/s"] * 3)
         add(acceleration[:, :n] @ rows, "acceleration", names, ["m/s²"] * 3)
     add(forces, "force", force_names(robot, acting), [e.unit for e in acting])
-    notes = {"robot": robot.name, "posture": model.posture, "model": "linear"}
+    notes = notes_of(robot, model.posture, model.q) | {"model": "linear"}
     channels = tuple(channel for _, channel in columns)
     return TimeSeries(np.column_stack([values for values, _ in columns]), sample_rate_hz, channels, notes=notes)

@@ -37,8 +37,8 @@ IMPLICIT_PAYS = 1e6
 """Rate of the fastest motion, rad/s, beyond which Radau's long steps are cheaper than stability of explicit ones."""
 POSITION_SCALE, VELOCITY_SCALE = 1e-6, 1e-4
 """Amplitudes (rad or m, per second) below which a relative tolerance turns into an absolute one."""
-ROUNDING = 1e-16
-"""No deviation is known better, with coordinates of some radians behind it."""
+POSITION_ROUNDING, VELOCITY_ROUNDING = 1e-16, 1e-13
+"""Deviations (rad or m, per second) are not known better: forces of gravity lose as much to rounding."""
 STEPS_SHARE = 0.1
 """Steps are ten times as good as asked, so that what is interpolated between them keeps the tolerance too."""
 MAX_SAMPLES = 20_000_000
@@ -119,7 +119,7 @@ def simulate(
     frame: str | None = None,
     wrench_axes: WrenchAxes = "world",
     equilibrium: Equilibrium = "reference",
-    tolerance: float = 1e-8,
+    tolerance: float = 1e-10,
     method: Method = "auto",
     progress: Callable[[float], object] | None = None,
 ) -> Run:
@@ -290,9 +290,13 @@ def _absolute(assembly: Assembly, tolerance: float) -> Array:
     """Absolute tolerances of all states; works only follow."""
     z, states = assembly.bodies, assembly.plant.states
     integrators = states - 2 * z - 3
-    scales = [(z, POSITION_SCALE), (z, VELOCITY_SCALE), (integrators, 1.0), (3, 1e300 / tolerance)]
-    tight = tolerance * np.concatenate([np.full(count, scale) for count, scale in scales])
-    return np.maximum(tight, ROUNDING)
+    parts = [
+        (z, max(tolerance * POSITION_SCALE, POSITION_ROUNDING)),
+        (z, max(tolerance * VELOCITY_SCALE, VELOCITY_ROUNDING)),
+        (integrators, tolerance),
+        (3, 1e300),
+    ]
+    return np.concatenate([np.full(count, value) for count, value in parts])
 
 
 def _sampled(

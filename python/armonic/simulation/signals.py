@@ -69,9 +69,15 @@ def signals(assembly: Assembly, rows: Array, sample_rate_hz: float, frames: Sequ
     names = force_names(assembly.robot, assembly.excitations)
     add(force[:, assembly.constant :], "force", names, [e.unit for e in assembly.excitations])
     add(energy, "energy", ENERGIES, ["J"] * len(ENERGIES))
-    notes = {"robot": assembly.robot.name, "posture": assembly.label}
+    notes = notes_of(assembly.robot, assembly.label, assembly.q)
     channels = tuple(channel for _, channel in columns)
     return TimeSeries(np.column_stack([values for values, _ in columns]), sample_rate_hz, channels, notes=notes)
+
+
+def notes_of(robot: Robot, label: str, q: Array) -> dict[str, str]:
+    """What a series says of the robot it comes from: enough to compute its modes again."""
+    coordinates = ", ".join(repr(float(value)) for value in q)
+    return {"robot": robot.name, "posture": label, "coordinates": coordinates, "robot_yaml": robot.to_yaml()}
 
 
 def units_of(robot: Robot, moving: NDArray[np.intp]) -> list[str]:
