@@ -186,15 +186,16 @@ def test_a_mode_missing_in_half_of_the_orders_is_found_and_counted():
     assert modes[0].orders == len(modes[0].members)
 
 
-def test_a_mode_seen_in_every_third_order_only_is_found():
+def test_a_mode_seen_in_two_of_three_orders_is_found_and_one_of_every_third_if_asked_for():
     orders = range(2, 62)
     models = models_of([], seed=2, orders=orders)
-    for i in range(0, 60, 3):
-        old = models[i]
-        models[i] = ModelPoles(old.order, np.append(old.poles, pole(20.0, 0.05)), np.vstack([old.shapes, shape_of(1)]))
+    for i in range(60):
+        old, added = models[i], [pole(20.0, 0.05)] if i % 3 else [pole(31.0, 0.03)]
+        models[i] = ModelPoles(old.order, np.append(old.poles, added), np.vstack([old.shapes, shape_of(1)]))
     modes = cluster(stabilize(models))
     assert names(modes) == [(20.0, 0.05)]
-    assert modes[0].orders == 20
+    assert modes[0].orders == 40
+    assert (31.0, 0.03) in names(cluster(stabilize(models), least_share=1 / 3))
 
 
 def test_a_mode_held_by_too_few_orders_is_not_one_until_fewer_are_asked_for():
@@ -325,7 +326,7 @@ def test_the_modes_of_a_nonlinear_chain_are_told_from_its_combination_tones():
     found = np.sort_complex(np.array([mode.pole for mode in selection.modes]))
     assert len(found) == 2
     np.testing.assert_allclose(found, linear, rtol=1e-3)  # what cubic terms leave of the amplitude's square
-    assert len(selection.rejected) >= 2
+    assert len(selection.rejected) >= 1
     for mode in selection.rejected:
         tones = [a + b for a in linear for b in (*linear, *linear.conj())]
         assert min(abs(mode.pole - tone) for tone in tones) < 0.01 * abs(mode.pole)

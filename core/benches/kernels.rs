@@ -1,5 +1,6 @@
-//! Speed of the hot kernels: on the KUKA KR90 model of Huynh et al. 2021 with nine coordinates, 152 lines, 18 parameters,
-//! of following the twelve modes of the robot Scompi of Do et al. 2022, and of the poles of autoregressions of six channels.
+//! Speed of the hot kernels: on the KUKA KR90 model of Huynh et al. 2021 with nine coordinates, 152 lines, 18
+//! parameters, of following the twelve modes of the robot Scompi of Do et al. 2022, and of the poles of autoregressions
+//! of six channels.
 //!
 //! Run with `cargo bench -p armonic-core`; `RAYON_NUM_THREADS=1` keeps everything on one thread.
 

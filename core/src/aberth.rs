@@ -1,6 +1,6 @@
 //! Simultaneous iteration on all eigenvalues of one matrix polynomial with real coefficients, in SIMD lanes.
 //!
-//! Ehrlich-Aberth: z_i ← z_i − 1 / (tr(P⁻¹P')(z_i) − Σ_{j≠i} 1/(z_i − z_j)), Bini & Noferini 2013, section 2. The points
+//! Ehrlich-Aberth: z_i ← z_i − 1 / (tr(P⁻¹P')(z_i) − Σ_{j≠i} 1/(z_i − z_j)) (Bini & Noferini 2013). The points
 //! are pairs, which stand for themselves and their conjugates, and singles. A pair cannot turn into two real numbers, so
 //! that one which crosses the real axis is broken into singles; these may end as real numbers or as a pair.
 
@@ -9,15 +9,15 @@ use crate::polynomial::{Polynomial, Work, argument};
 use nalgebra::Complex as C64;
 use pulp::Simd;
 
-/// A point is done where the smallest pivot of P, as a share of Σ‖C_k‖|z|^k, is below this: it is an eigenvalue of a
-/// polynomial this close.
+/// A point is done where a bound for the smallest singular value of P, as a share of Σ‖C_k‖|z|^k, is below this: it is
+/// an eigenvalue of a polynomial this close.
 const SINGULAR: f64 = 4.0 * f64::EPSILON;
 /// Or where the step is below this share of the point.
 const STILL: f64 = 2.0 * f64::EPSILON;
 /// Below this, squares underflow and no test means anything.
 const SMALLEST: f64 = 1e-140;
-/// At an eigenvalue of any multiplicity the iteration takes more than this share of Newton's inverse step; next to a point
-/// that stands there already it takes next to nothing of it.
+/// At an eigenvalue of any multiplicity the iteration takes more than this share of Newton's inverse step; next to a
+/// point that stands there already it takes next to nothing of it.
 const FREE: f64 = 0.3;
 /// Points that sit on the real axis would never leave it: they start off it by this share of themselves.
 const KICK: f64 = 0.02;

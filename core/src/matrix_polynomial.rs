@@ -47,7 +47,8 @@ pub struct Spectrum {
 /// Eigenvalues of several orders, each from its A_1 … A_p (p×m×m); neighbours in the list should resemble each other.
 ///
 /// # Errors
-/// [`Error::Length`] if an order is not a whole number of m×m matrices, at least one; [`Error::Value`] if one is not finite.
+/// [`Error::Length`] if an order is not a whole number of m×m matrices, at least one; [`Error::Value`] if a number is not
+/// finite.
 pub fn eigenvalues(m: usize, orders: &[&[f64]]) -> Result<Vec<Spectrum>> {
     for coefficients in orders {
         check(m, coefficients)?;
@@ -75,7 +76,7 @@ pub fn shapes(m: usize, coefficients: &[f64], poles: &[C64<f64>]) -> Result<Vec<
 }
 
 /// σ_min(P(z)) / Σ‖A_k‖|z|^(p−k), A_0 = I, at k numbers z: how far, as a share, the polynomial is from one with that
-/// eigenvalue (Tisseur, Linear Algebra Appl. 309 (2000), section 2.2). Frobenius norms.
+/// eigenvalue (Tisseur, Linear Algebra Appl. 309 (2000)). Frobenius norms.
 ///
 /// # Errors
 /// As [`eigenvalues`].
@@ -211,7 +212,7 @@ fn scatter(cloud: &mut Cloud, radius: f64, points: usize, attempt: usize) {
     }
 }
 
-/// Radii and how many eigenvalues are expected near each: the upper hull of log‖C_k‖ over k (Bini & Noferini, section 3.1).
+/// Radii and how many eigenvalues are expected near each: the upper hull of log‖C_k‖ over k (Bini & Noferini).
 fn circles(polynomial: &Polynomial) -> Vec<(f64, usize)> {
     let mut hull: Vec<(usize, f64)> = Vec::new();
     for (k, norm) in polynomial.norms().iter().enumerate().filter(|(_, norm)| **norm > 0.0) {

@@ -21,8 +21,8 @@ impl NullVector {
         Self { m, lu: vec![zero; m * m], columns: vec![0; m], x: vec![zero; m] }
     }
 
-    /// Sets `v` (m) to the right singular vector of the smallest singular value of `a` (m×m, by rows), of length one, its
-    /// largest entry real and positive; ‖A v‖.
+    /// Sets `v` (m) to the right singular vector of the smallest singular value of `a` (m×m, by rows), of length one,
+    /// its largest entry real and positive; ‖A v‖.
     pub(crate) fn find(&mut self, a: impl Iterator<Item = C64<f64>> + Clone, v: &mut [C64<f64>]) -> f64 {
         self.lu.iter_mut().zip(a.clone()).for_each(|(place, entry)| *place = entry);
         self.factor();
