@@ -31,6 +31,7 @@ def vector_autoregression(
     orders: range | tuple[int, int],
     band_hz: tuple[float, float] | None = None,
     deviations: bool = False,
+    spacing: int = 1,
 ) -> list[ModelPoles]:
     """Poles and shapes of vector autoregressions y_k = Σ_j A_j y_(k−j) + e_k, j = 1 … p, of every order p.
 
@@ -47,6 +48,8 @@ def vector_autoregression(
         orders: model orders p, as a range or as the first and last.
         band_hz: natural frequencies for which shapes and deviations are computed; all if not given. A motion above half
             the sampling rate, or a strongly damped one just below, has |λ| / 2π above half the rate.
+        spacing: samples from one lag to the next. With s of them a model of the same order looks s times as far back
+            and tells slow modes apart that lie close together; motion above half the rate over s is aliased.
         deviations: also give the standard deviation of every natural frequency and damping ratio in the band.
 
     Returns:
@@ -54,21 +57,24 @@ def vector_autoregression(
 
     Raises:
         SignalError: samples, sampling rate, orders or band make no sense, or there are too few samples for the largest
-            order, which needs N ≥ (m + 1) p.
+            order, which needs N ≥ (m + s) p for a spacing of s.
     """
     samples, listed, band = checked_samples(values, sample_rate_hz), checked_orders(orders), checked_band(band_hz)
     n, m = samples.shape
-    most = n // (m + 1)
+    if not (isinstance(spacing, int) and spacing >= 1):
+        raise SignalError("spacing", found=repr(spacing), expected="a whole number of at least 1")
+    most = n // (m + spacing)
+    sample_rate_hz = sample_rate_hz / spacing  # of the lags, from here on
     if listed[-1] > most:
         raise SignalError(
             "orders",
             found=f"order {listed[-1]} for {n} samples of {m} channels",
             expected=f"at most {most}, with which there are as many equations as unknowns"
             if most
-            else f"at least {m + 1} samples, for order 1",
+            else f"at least {m + spacing} samples, for order 1",
             hint="Take lower orders, a longer record or fewer channels.",
         )
-    regression = Regression(samples, listed[-1])
+    regression = Regression(samples, listed[-1], spacing)
     coefficients = [regression.fit(order).coefficients for order in listed]
     unit = regression.scale / regression.scale.max()
     found = []

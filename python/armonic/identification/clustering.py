@@ -30,8 +30,8 @@ CLOSENESS_PER_CHANNEL = 0.035
 """With fewer than four channels the share is only this much of each. Shapes then say little or nothing against false
 poles, and those of noise drift slowly from order to order: found on noise of one to six channels."""
 LEAST_LIKENESS = 0.5
-"""A MAC below this counts as this. Shapes of weakly excited modes are far less certain than their poles: those come back
-to a thousandth at nearly every order, and what is that repeatable is no chance, whatever the shape."""
+"""A MAC below this counts as this. Shapes of weakly excited modes are far less certain than their poles: these come
+back to a thousandth at nearly every order; what is that repeatable is no chance, whatever the shape."""
 SHAPE_WEIGHT = 0.5
 """Weight of 1 − MAC beside |Δ ln λ| where several poles of an order are near enough to be the mode."""
 MOST_CHANGE = 0.15

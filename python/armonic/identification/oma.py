@@ -20,6 +20,7 @@ from armonic.identification.preprocessing import detrend as detrended
 from armonic.identification.preprocessing import free_decay
 from armonic.identification.samples import checked_orders
 from armonic.identification.selection import Selection
+from armonic.identification.sharpening import sharpened
 from armonic.identification.stabilization import Criteria, Stabilization, stabilize
 from armonic.identification.subspace import covariance_ssi
 
@@ -38,6 +39,8 @@ Window = Literal["auto", "decay", "all"]
 Offset = Literal["auto", "none", "mean", "linear", "rest"]
 PREFERRED = ("motor_position", "joint_position", "acceleration", "velocity", "displacement")
 """Quantities to identify from where none is asked for; the first that the series has."""
+SPACING = 4
+"""Lags of the second set are so many samples apart where nothing is asked."""
 DAMPED = 0.005
 """Damping ratio above which nothing is a harmonic: a sine has none."""
 
@@ -56,6 +59,7 @@ class OmaResult:
         rejected: groups of poles that hold over the orders and are no modes, with the reason.
         channels: labels of the channels, the entries of every shape.
         harmonics: per mode, whether it is one of a machine that turned meanwhile.
+        spacing: per mode, samples from one lag to the next in the autoregressions that its pole and shape come from.
         seconds: how long it took.
     """
 
@@ -68,6 +72,7 @@ class OmaResult:
     rejected: tuple[RejectedMode, ...]
     channels: tuple[str, ...]
     harmonics: tuple[Flag, ...]
+    spacing: tuple[int, ...]
     seconds: float
 
     def __repr__(self) -> str:
@@ -106,6 +111,7 @@ def oma(
     spindle_hz: float | None = None,
     block_rows: int | None = None,
     deviations: bool = False,
+    spacing: int | None = None,
     progress: Callable[[str], object] | None = None,
 ) -> OmaResult:
     """Modes from responses alone (Do et al. 2022, section 4.3): poles of every model order, then those that are modes.
@@ -129,6 +135,8 @@ def oma(
         spindle_hz: turns per second of a machine that ran; its harmonics are flagged.
         block_rows: of the covariances of "ssi"; by default as many as the orders need, 30 at least.
         deviations: for "var", also the standard deviation of each pole (`stabilization.freq_std_hz`).
+        spacing: for "var", a second set of autoregressions whose lags are so many samples apart sharpens the slow modes
+            that the first set finds; 1: none; by default four samples for a decay that is long enough.
         progress: called with the name of each stage; what it raises ends the work.
 
     Raises:
@@ -160,6 +168,12 @@ def oma(
         )
         chosen = Selection(tuple(grid))
     inside = tuple(mode for mode in chosen.modes if _inside(mode.natural_freq_hz, band_hz))
+    apart = _spacing(used, method, listed[-1], spacing, decay=taken == "decay")
+    spacings = (1,) * len(inside)
+    if apart > 1:
+        say(f"sharpening slow modes with lags {apart} samples apart")
+        slow = vector_autoregression(used.values, used.sample_rate_hz, orders=orders, band_hz=band_hz, spacing=apart)
+        inside, spacings = sharpened(inside, slow, used.sample_rate_hz, apart)
     return OmaResult(
         method=method,
         series=used,
@@ -170,6 +184,7 @@ def oma(
         rejected=tuple(mode for mode in chosen.rejected if _inside(mode.natural_freq_hz, band_hz)),
         channels=used.labels,
         harmonics=_harmonics(used, inside, spindle_hz, decay=taken == "decay"),
+        spacing=spacings,
         seconds=time.perf_counter() - began,
     )
 
@@ -253,6 +268,16 @@ def _poles(
         last = checked_orders(orders, step=2)[-1]
         block_rows = max(math.ceil(last / len(series.channels)) + 1, 30)
     return covariance_ssi(series.values, rate, orders=orders, block_rows=block_rows, band_hz=band_hz)
+
+
+def _spacing(series: TimeSeries, method: Method, last: int, spacing: int | None, *, decay: bool) -> int:
+    """Samples between the lags of the second set; 1 for none."""
+    if spacing is not None:
+        if method != "var" and spacing != 1:
+            raise SignalError("spacing", found=f"{spacing} with ssi", expected='method="var"')
+        return spacing
+    long_enough = len(series) >= 2 * (len(series.channels) + SPACING) * last
+    return SPACING if method == "var" and decay and long_enough else 1
 
 
 def _within(criteria: Criteria | None, band_hz: tuple[float, float] | None) -> Criteria:

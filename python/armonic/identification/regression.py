@@ -62,11 +62,12 @@ class Regression:
 
     Args:
         samples: finite, (N, m), no channel zero throughout.
-        largest: the largest order p_max, with N − p_max ≥ m p_max.
+        largest: the largest order p_max, with N − s p_max ≥ m p_max.
+        spacing: s, samples from one lag to the next: y_k = Σ_j A_j y_(k−js) + e_k. The rows begin at k = s p then.
     """
 
-    def __init__(self, samples: Array, largest: int) -> None:
-        self.largest = largest
+    def __init__(self, samples: Array, largest: int, spacing: int = 1) -> None:
+        self.largest, self.spacing = largest, spacing
         # By powers of two near the norm, which round nothing.
         peak = np.abs(samples).max(axis=0)
         norm = peak * np.linalg.norm(samples / peak, axis=0)
@@ -74,14 +75,18 @@ class Regression:
         self.samples: Array = samples / self.scale
         n, m = self.samples.shape
         triangle = np.diag(np.r_[np.full(m * largest, RIDGE), np.zeros(m)])
-        for start in range(largest, n, ROWS):
-            triangle = _folded(triangle, self._rows(start, min(start + ROWS, n), largest))
-        self._triangle: Array = triangle
+        self._triangle: Array = self._fold(triangle, largest * spacing, n, largest)
 
     def _rows(self, start: int, stop: int, order: int) -> Array:
         """Rows k = start … stop−1 of [lag 1 | … | lag p | y]."""
-        lags = [self.samples[start - j : stop - j] for j in range(1, order + 1)]
-        return np.hstack([*lags, self.samples[start:stop]])
+        back = (self.spacing * j for j in range(1, order + 1))
+        return np.hstack([*(self.samples[start - j : stop - j] for j in back), self.samples[start:stop]])
+
+    def _fold(self, triangle: Array, first: int, end: int, order: int) -> Array:
+        """The triangle with the rows k = first … end−1 in it."""
+        for start in range(first, end, ROWS):
+            triangle = _folded(triangle, self._rows(start, min(start + ROWS, end), order))
+        return triangle
 
     def fit(self, order: int) -> Autoregression:
         """The ordinary least-squares fit of one order, at most the largest, over all rows k = p … N−1."""
@@ -91,11 +96,10 @@ class Regression:
         top = self._triangle[:lags][:, columns]
         rest = np.linalg.qr(self._triangle[lags:, whole:], mode="r")
         triangle = np.vstack([top, np.hstack([np.zeros((m, lags)), rest])])
-        if order < self.largest:
-            triangle = _folded(triangle, self._rows(order, self.largest, order))
+        triangle = self._fold(triangle, order * self.spacing, self.largest * self.spacing, order)
         stacked = solve_triangular(triangle[:lags, :lags], triangle[:lags, lags:])
         left = np.triu(triangle[lags:, lags:])
-        rows = n - order
+        rows = n - order * self.spacing
         return Autoregression(
             order=order,
             rows=rows,
