@@ -45,14 +45,19 @@ class Peer:
 
     def rates(self, state: Array, force: Array) -> Array:
         """Of [q, q_m, q̇, q̇_m], with a force in world axes at the frame's origin."""
-        d, c, (q, q_m, v, v_m) = self.drives, self.control, np.split(state, 4)
+        n, d, c = self.n, self.drives, self.control
+        q, q_m, v, v_m = state[:n], state[n : 2 * n], state[2 * n : 3 * n], state[3 * n :]
         twist = d.shaft_stiffness * (d.scale * q - q_m)
-        pin.framesForwardKinematics(self.model, self.data, q)
-        joint = self.model.frames[self.frame].parentJoint
-        at = pin.SE3(np.eye(3), self.data.oMf[self.frame].translation)
-        forces = [pin.Force.Zero() for _ in range(self.model.njoints)]
-        forces[joint] = self.data.oMi[joint].actInv(at.act(pin.Force(force, np.zeros(3))))
-        acceleration = pin.aba(self.model, self.data, q, v, -d.scale * twist - d.joint_damping * v, forces)
+        torque = -d.scale * twist - d.joint_damping * v
+        if force.any():
+            pin.framesForwardKinematics(self.model, self.data, q)
+            joint = self.model.frames[self.frame].parentJoint
+            at = pin.SE3(np.eye(3), self.data.oMf[self.frame].translation)
+            forces = [pin.Force.Zero() for _ in range(self.model.njoints)]
+            forces[joint] = self.data.oMi[joint].actInv(at.act(pin.Force(force, np.zeros(3))))
+            acceleration = pin.aba(self.model, self.data, q, v, torque, forces)
+        else:
+            acceleration = pin.aba(self.model, self.data, q, v, torque)
         motor_torque = self.feedforward + c.kp * (self.motors - q_m) - c.kd * v_m  # Eq. 2
         return np.concatenate([v, v_m, acceleration, (twist + motor_torque - d.motor_damping * v_m) / d.inertia])
 
@@ -90,7 +95,8 @@ class Peer:
 def states_of(run: am.Run) -> Array:
     """[q, q_m, q̇, q̇_m] of a run, (samples, ...)."""
     kinds = ("joint_position", "motor_position", "joint_velocity", "motor_velocity")
-    return np.hstack([run.series.select(kind).values for kind in kinds])
+    kept = {channel.quantity for channel in run.series.channels}
+    return np.hstack([run.series.select(kind).values for kind in kinds if kind in kept])
 
 
 def reference(rates: Callable[[float, Array], Array], start: Array, time_s: Array, **options: float) -> Array:

@@ -14,8 +14,8 @@ pub struct Sampled {
     pub delay: f64,
     /// Whether velocities are differences of positions; else they are measured.
     pub difference: bool,
-    /// Step of the motors' encoders, rad; zero if they are exact.
-    pub resolution: f64,
+    /// Steps of the motors' encoders, rad after the gear; zero where they are exact.
+    pub resolution: Vec<f64>,
     /// Motor positions of the reference, on which the encoders' steps lie.
     pub motor_reference: Vec<f64>,
 }
@@ -58,9 +58,9 @@ impl<'a> Computer<'a> {
     fn sample(&mut self, plant: &Plant, y: &[f64]) -> Vec<f64> {
         let (n, z, period) = (plant.n(), plant.bodies(), self.sampled.period);
         let mut position = y[..z].to_vec();
-        if self.sampled.resolution > 0.0 {
-            for (x, reference) in position[n..].iter_mut().zip(&self.sampled.motor_reference) {
-                let step = self.sampled.resolution;
+        let steps = self.sampled.resolution.iter().zip(&self.sampled.motor_reference);
+        for (x, (step, reference)) in position[n..].iter_mut().zip(steps) {
+            if *step > 0.0 {
                 *x = ((*x + reference) / step).round() * step - reference;
             }
         }

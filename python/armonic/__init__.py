@@ -63,7 +63,7 @@ if TYPE_CHECKING:
     from armonic.simulation.joints import Backlash, Coulomb, Hardening
     from armonic.simulation.linear_response import linear_response
     from armonic.simulation.running import Run, simulate
-    from armonic.simulation.sensors import AntiAlias, Sensor, measure
+    from armonic.simulation.sensors import AntiAlias, Sensor, encoders, measure
     from armonic.stability import GainMargin, gain_margins
     from armonic.state_space import StateSpace
     from armonic.surveying import Grid, Sample, path, survey
@@ -158,6 +158,7 @@ __all__ = [
     "compare",
     "correlation",
     "directions",
+    "encoders",
     "frac",
     "frf",
     "frf_bands",
@@ -223,7 +224,7 @@ _HOME = {
     "simulation.joints": ("Backlash", "Coulomb", "Hardening"),
     "simulation.linear_response": ("linear_response",),
     "simulation.running": ("Run", "simulate"),
-    "simulation.sensors": ("AntiAlias", "Sensor", "measure"),
+    "simulation.sensors": ("AntiAlias", "Sensor", "encoders", "measure"),
     "linear": ("LinearModel", "linearize"),
     "map_report": ("write_map_report",),
     "modal": ("Modes", "mac", "modes"),

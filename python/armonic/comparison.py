@@ -31,6 +31,8 @@ RATES = {
 }
 """How often a quantity has been differentiated: its part of a shape is that of the motion times λ to this power. Forces
 and torques are not here; they are no motion."""
+SHAPE_WEIGHT = 0.5
+"""Weight of 1 − MAC beside the difference of poles as a share of the largest one that is allowed."""
 LEAST_COMMON = 2
 """Coordinates that two shapes must share: of one coordinate alone the MAC is always 1."""
 
@@ -148,12 +150,12 @@ def compare(a: Any, b: Any, *, max_freq_difference: float = 0.2, least_mac: floa
     """Pairs the modes of two sets so that the pairs together differ least; either set may hold what the other lacks.
 
     The cost of a pair is |λ_a − λ_b| / max(|λ_a|, |λ_b|), which frequency and damping share, as a part of
-    `max_freq_difference`, plus 1 − MAC if shapes can be compared. Two modes are left alone rather than paired at a cost
-    of 1 or more. Of all ways to pair, the one of least total cost is taken (the assignment problem, Crouse 2016), so a
-    mode does not take the partner of another one that has no other choice. Shapes are compared over the coordinates
-    that both sets name; of motors only, say, where motor encoders were measured. Velocities and accelerations are taken
-    for the motion they belong to. Of two `Modes` with the same coordinates, the MAC is weighted by the mass matrix of
-    `a`.
+    `max_freq_difference`, plus (1 − MAC) / 2 if shapes can be compared: those of weakly excited modes are uncertain.
+    Two modes are left alone rather than paired at a cost of 1 or more. Of all ways to pair, the one of least total cost
+    is taken (the assignment problem, Crouse 2016), so a mode does not take the partner of another one that has no other
+    choice. Shapes are compared over the coordinates that both sets name; of motors only, say, where motor encoders were
+    measured. Velocities and accelerations are taken for the motion they belong to. Of two `Modes` with the same
+    coordinates, the MAC is weighted by the mass matrix of `a`.
 
     Args:
         a: modes of a model (`Modes`), the result of an identification (with `modes` and `channels`), a `ModeTable`, or
@@ -290,7 +292,7 @@ def _costs(a: ModeTable, b: ModeTable, alike: Array | None, most: float, least_m
     if alike is not None:
         # A shape that is not known speaks neither for nor against a pair.
         known = np.isfinite(alike)
-        cost[known] += 1.0 - alike[known]
+        cost[known] += SHAPE_WEIGHT * (1.0 - alike[known])
         if least_mac is not None:
             cost[known & (np.where(known, alike, 0.0) < least_mac)] = 1.0
     return np.minimum(cost, 1.0)

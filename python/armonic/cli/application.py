@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from armonic import __version__
-from armonic.cli import INTERRUPTED, demo, export, fitting, mapping, model, planning, robots
+from armonic.cli import INTERRUPTED, demo, export, fitting, identifying, mapping, model, planning, robots, simulating
 from armonic.cli.refusals import TyperUsageError, refuse
 from armonic.cli.sections import Sectioned
 from armonic.errors import ArmonicError
@@ -30,6 +30,8 @@ for command in (
     export.export,
     fitting.update,
     planning.plan,
+    simulating.simulate,
+    identifying.oma,
     robots.check,
     robots.robots,
     demo.demo,

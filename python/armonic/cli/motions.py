@@ -32,6 +32,7 @@ FORMS = {
     "--sensor": "PATTERN:BITSbit[/RANGE], PATTERN:NOISE%, or both with a comma, such as motor_position:20bit",
 }
 """How each is typed."""
+_UNIT = re.compile(r"[a-zA-Z]+$")
 
 
 def excitations(typed: Sequence[tuple[str, str]], frame: str | None, seed: int) -> list[Excitation]:
@@ -184,7 +185,7 @@ def _made(option: str, text: str, make: Callable[..., Any], *given: Any, **named
     try:
         return make(*given, **named)
     except ArmonicError as error:
-        part = error.where.rpartition(".")[2]
+        part = error.where.rpartition(".")[2].removesuffix("_s").removesuffix("_hz")
         found = error.found if part == error.where or part == "axis" else f"{part} {error.found}"
         raise UsageError(f"{option} {text}", found=found, expected=error.expected, hint=error.hint) from error
 
@@ -205,20 +206,18 @@ def _of_axis(axis: str) -> str:
 
 
 def _range(option: str, given: str, text: str) -> tuple[float, float]:
-    """Both ends of FROM-TO; in words such as 1e-1-10 the middle minus is the one that parts them."""
-    parted = None
-    for match in re.finditer("-", given):
-        left, right = given[: match.start()], given[match.end() :]
-        if left and not left[-1] in "eE" and right.strip()[:1] not in ("", "-"):
-            parted = left, right
+    """Both ends of FROM-TO; a minus behind an e belongs to the number."""
+    for minus in re.finditer("-", given):
+        ends = given[: minus.start()].strip(), given[minus.end() :].strip()
+        if all(ends) and ends[0][-1] not in "eE":
             break
-    if parted is None:
+    else:
         raise UsageError(option, found=repr(text), expected=FORMS[option])
-    plain = [part.strip().rstrip(".0123456789") == "" for part in parted]
-    if plain[0] and not plain[1] and "kHz" in parted[1]:
-        # 1-2kHz: one Hertz or one kilohertz? Not to be guessed.
-        raise UsageError(f"{option} {text}", found=repr(given), expected="a unit at both ends, or at none")
-    low, high = (amount(option, part, "frequency", shown=text) for part in parted)
+    units = {_UNIT.sub("", end) and (_UNIT.search(end) or [""])[0] for end in ends}
+    if "" in units and not units <= {"", "Hz"}:
+        # 1-2kHz: from one Hertz or from one kilohertz? Not to be guessed.
+        raise UsageError(f"{option} {text}", found=repr(given), expected="a unit at both ends, or none")
+    low, high = (amount(option, end, "frequency", shown=text) for end in ends)
     return low, high
 
 

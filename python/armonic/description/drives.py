@@ -28,6 +28,7 @@ class Drives:
         coordinates: (nm,) index of the coordinate that each motor drives.
         scale: (nm,) w, rad of the shaft for one m or rad of the coordinate: 1/radius, or 1 for a revolute joint.
         shaft_stiffness: (nm,) k, N m/rad.
+        gear_ratio: (nm,) N, turns of the rotor for one after the gear.
         inertia: (nm,) B = N² I, kg m²: rotors as felt after the gear (Eq. A.12).
         motor_damping: (nm,) N m s/rad, on the motor's side.
         joint_damping: (nm,) N m s/rad or N s/m, on the link's side.
@@ -37,6 +38,7 @@ class Drives:
     coordinates: NDArray[np.intp]
     scale: Array
     shaft_stiffness: Array
+    gear_ratio: Array
     inertia: Array
     motor_damping: Array
     joint_damping: Array
@@ -88,6 +90,7 @@ def compile_drives(links: Sequence[Link], coordinates: Sequence[str]) -> Drives:
         coordinates=indices,
         scale=frozen([1.0 if drive.radius is None else 1.0 / drive.radius for _, drive in pairs]),
         shaft_stiffness=frozen([drive.shaft_stiffness for _, drive in pairs]),
+        gear_ratio=frozen([drive.gear_ratio for _, drive in pairs]),
         inertia=frozen([drive.gear_ratio**2 * drive.rotor_inertia for _, drive in pairs]),
         motor_damping=frozen([drive.motor_damping for _, drive in pairs]),
         joint_damping=frozen([drive.joint_damping for _, drive in pairs]),

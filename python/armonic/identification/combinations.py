@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armonic.identification.selection import RejectedMode, SelectedMode, Selection
+from armonic.identification.selection import RejectedMode, SelectedMode, Selection, pole_scatter, rejected_for
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -16,7 +15,7 @@ SCATTERS = 5.0
 """A combination lies within so many standard deviations of its place, its own and its parents' scatter together."""
 LEAST_TOLERANCE = 5e-4
 """Where the scatter is smaller, within this share of |λ|: scatter over the orders says nothing of a common error."""
-MOST_TOLERANCE = 6e-3
+MOST_TOLERANCE = 1.2e-2
 """And never farther than this: a mode that happens to lie near a combination must not pass for it."""
 
 
@@ -32,7 +31,7 @@ def without_combinations(found: Sequence[SelectedMode]) -> Selection:
 
     A mode that lies within the tolerance of a combination by chance is taken out with it; the reason names the parents,
     so that it can be judged. The some 200 sums and differences of 12 modes cover 0.02 % of the plane at the least
-    tolerance and 2 % at the largest.
+    tolerance and 8 % at the largest.
 
     Args:
         found: modes.
@@ -42,13 +41,12 @@ def without_combinations(found: Sequence[SelectedMode]) -> Selection:
     """
     accepted: list[SelectedMode] = []
     rejected: list[RejectedMode] = []
-    for mode in sorted(found, key=lambda mode: (-mode.orders, mode.first_order, _scatter(mode))):
+    for mode in sorted(found, key=lambda mode: (-mode.orders, mode.first_order, pole_scatter(mode))):
         parents = _parents(mode, accepted)
         if parents is None:
             accepted.append(mode)
         else:
-            own = {field.name: getattr(mode, field.name) for field in fields(mode)}
-            rejected.append(RejectedMode(**own, reason=parents))
+            rejected.append(rejected_for(mode, parents))
     return Selection(
         tuple(sorted(accepted, key=lambda mode: mode.natural_freq_hz)),
         tuple(sorted(rejected, key=lambda mode: mode.natural_freq_hz)),
@@ -61,9 +59,9 @@ def _parents(mode: SelectedMode, accepted: Sequence[SelectedMode]) -> str | None
     if not stronger:
         return None
     poles = np.array([a.pole for a in stronger])
-    scatter = np.array([_scatter(a) for a in stronger])
+    scatter = np.array([pole_scatter(a) for a in stronger])
     size = abs(mode.pole)
-    spread = SCATTERS * np.sqrt(np.add.outer(scatter**2, scatter**2) + _scatter(mode) ** 2)
+    spread = SCATTERS * np.sqrt(np.add.outer(scatter**2, scatter**2) + pole_scatter(mode) ** 2)
     reach = np.clip(spread, LEAST_TOLERANCE * size, MOST_TOLERANCE * size)
     best, reason = 1.0, None
     for sign, other in (("+", poles), ("−", poles.conj())):
@@ -80,10 +78,3 @@ def _sentence(a: SelectedMode, b: SelectedMode, sign: str) -> str:
         return f"twice the pole of the mode at {a.natural_freq_hz:.4g} Hz: quadratic nonlinearity"
     word = "sum" if sign == "+" else "difference"
     return f"{word} of the modes at {a.natural_freq_hz:.4g} and {b.natural_freq_hz:.4g} Hz: quadratic nonlinearity"
-
-
-def _scatter(mode: SelectedMode) -> float:
-    """Standard deviation of the pole in rad/s: along |λ|, and across it."""
-    along = 2 * np.pi * mode.freq_std_hz
-    across = abs(mode.pole) * mode.damping_std / np.sqrt(max(1.0 - mode.damping_ratio**2, 1e-6))
-    return float(np.hypot(along, across))

@@ -13,13 +13,13 @@ import numpy as np
 from armonic.errors import SignalError
 from armonic.identification.autoregressive import vector_autoregression
 from armonic.identification.clustering import select_modes
+from armonic.identification.combinations import without_combinations
 from armonic.identification.grid_search import grid_search
 from armonic.identification.harmonics import Flag, flags
 from armonic.identification.preprocessing import decimate as decimated
 from armonic.identification.preprocessing import detrend as detrended
 from armonic.identification.preprocessing import free_decay
 from armonic.identification.samples import checked_orders
-from armonic.identification.selection import Selection
 from armonic.identification.sharpening import sharpened
 from armonic.identification.stabilization import Criteria, Stabilization, stabilize
 from armonic.identification.subspace import covariance_ssi
@@ -166,7 +166,7 @@ def oma(
             damping_resolution=damping_resolution,
             repeats=repeats,
         )
-        chosen = Selection(tuple(grid))
+        chosen = without_combinations(grid)
     inside = tuple(mode for mode in chosen.modes if _inside(mode.natural_freq_hz, band_hz))
     apart = _spacing(used, method, listed[-1], spacing, decay=taken == "decay")
     spacings = (1,) * len(inside)

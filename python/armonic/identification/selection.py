@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -114,6 +114,18 @@ def mode_of(stabilization: Stabilization, members: Indices) -> SelectedMode:
         first_order=int(stabilization.order[members[0]]),
         members=members,
     )
+
+
+def pole_scatter(mode: SelectedMode) -> float:
+    """Standard deviation of the pole over the orders in rad/s: along |λ|, and across it."""
+    along = 2 * np.pi * mode.freq_std_hz
+    across = abs(mode.pole) * mode.damping_std / np.sqrt(max(1.0 - mode.damping_ratio**2, 1e-6))
+    return float(np.hypot(along, across))
+
+
+def rejected_for(mode: SelectedMode, reason: str) -> RejectedMode:
+    """A group of poles that is no mode, with the reason."""
+    return RejectedMode(**{field.name: getattr(mode, field.name) for field in fields(mode)}, reason=reason)
 
 
 def oscillating(stabilization: Stabilization) -> NDArray[np.bool_]:

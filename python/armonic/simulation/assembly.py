@@ -13,6 +13,7 @@ from armonic.closed_loop import ClosedLoop
 from armonic.equilibrium import Rest, desired, settle
 from armonic.errors import SimulationError
 from armonic.linear import bushings_of, label_of
+from armonic.simulation.control import is_number
 from armonic.simulation.joints import JointTables, joint_tables
 
 if TYPE_CHECKING:
@@ -161,7 +162,7 @@ def start_state(
             if name not in assembly.names:
                 known = ", ".join(assembly.names)
                 raise SimulationError(what, found=repr(name), expected=f"a coordinate or motor that moves: {known}")
-            if not np.isfinite(value):
+            if not is_number(value):
                 raise SimulationError(f"{what} of {name}", found=repr(value), expected="a finite number")
             y[offset + assembly.names.index(name)] += value
     return y

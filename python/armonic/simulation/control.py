@@ -20,7 +20,7 @@ class SampledControl:
         delay_s: from an instant until its torques act.
         velocity: "difference" takes the velocity from the last two positions, as a controller with encoders does;
             "measured" takes the true one.
-        encoder_bits: steps of the motors' encoders, 2^bits for one turn behind the gear; None: exact.
+        encoder_bits: steps of the motors' encoders, 2^bits for one turn of the rotor, ahead of the gear; None: exact.
     """
 
     rate_hz: float
@@ -29,9 +29,9 @@ class SampledControl:
     encoder_bits: int | None = None
 
     def __post_init__(self) -> None:
-        if not (_is_number(self.rate_hz) and self.rate_hz > 0):
+        if not (is_number(self.rate_hz) and self.rate_hz > 0):
             raise SimulationError("SampledControl.rate_hz", found=repr(self.rate_hz), expected="a rate above 0 Hz")
-        if not (_is_number(self.delay_s) and self.delay_s >= 0):
+        if not (is_number(self.delay_s) and self.delay_s >= 0):
             raise SimulationError("SampledControl.delay_s", found=repr(self.delay_s), expected="a time, 0 s or more")
         if self.velocity not in ("difference", "measured"):
             expected = '"difference" or "measured"'
@@ -43,9 +43,10 @@ class SampledControl:
 
     @property
     def encoder_step(self) -> float:
-        """One step of an encoder, rad; 0 if they are exact."""
+        """One step of an encoder, rad of its rotor; 0 if they are exact."""
         return 0.0 if self.encoder_bits is None else 2 * math.pi / 2**self.encoder_bits
 
 
-def _is_number(value: object) -> bool:
+def is_number(value: object) -> bool:
+    """Whether something is a finite real number."""
     return isinstance(value, int | float | np.number) and not isinstance(value, bool) and math.isfinite(value)

@@ -326,7 +326,10 @@ class MeasuredForce(Excitation):
     def _check(self) -> None:
         _finite(self, "sample_rate_hz", above=0.0)
         _finite(self, "start_s", least=0.0)
-        values = self.samples
+        try:
+            values = self.samples
+        except (TypeError, ValueError) as error:
+            raise SimulationError(f"{self.name}.values", found=f"{error}", expected="finite numbers") from error
         if values.ndim != 1 or values.size < 2:
             raise SimulationError(f"{self.name}.values", found=f"shape {values.shape}", expected="two samples or more")
         if not np.isfinite(values).all():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -12,6 +13,7 @@ import numpy as np
 from armonic.errors import SimulationError
 from armonic.linear import linearize
 from armonic.series import Channel, TimeSeries
+from armonic.simulation.control import is_number
 from armonic.simulation.excitations import Excitation
 from armonic.simulation.running import acting_of, frames_of, samples_of
 from armonic.simulation.signals import WORLD, force_names, notes_of, units_of
@@ -37,7 +39,7 @@ class Source:
     Attributes:
         push: what a unit of it does to the velocities of the coordinates, (N,).
         generator: S, (2, 2).
-        pieces: start and end of each piece, s, and w at its start.
+        pieces: start and end of each piece, s, and w at its start; in order.
     """
 
     push: Array
@@ -48,10 +50,11 @@ class Source:
         """W at the start of a piece of the run; zero where no piece of its own begins or goes on."""
         from scipy.linalg import expm
 
-        for begin, end, w in self.pieces:
-            if begin - 1e-12 <= time_s < end - 1e-12:
-                return np.asarray(expm(self.generator * (time_s - begin)) @ w, np.float64)
-        return np.zeros(2)
+        last = bisect_right(self.pieces, time_s + 1e-12, key=lambda piece: piece[0]) - 1
+        if last < 0 or time_s >= self.pieces[last][1] - 1e-12:
+            return np.zeros(2)
+        begin, _, w = self.pieces[last]
+        return np.asarray(expm(self.generator * (time_s - begin)) @ w, np.float64)
 
 
 def linear_response(
@@ -110,7 +113,7 @@ def _start(model: LinearModel, displacement: Mapping[str, float] | None, velocit
     x = np.zeros(len(model.state_matrix()))
     for offset, what, given in ((0, "displacement", displacement), (n, "velocity", velocity)):
         for name, value in (given or {}).items():
-            if name not in model.coordinates or not np.isfinite(value):
+            if name not in model.coordinates or not is_number(value):
                 expected = f"finite numbers by {', '.join(model.coordinates)}"
                 raise SimulationError(what, found=f"{name!r}: {value!r}", expected=expected)
             x[offset + model.coordinates.index(name)] = value

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, TypeAlias, TypedDict, get_args
 
@@ -62,7 +62,6 @@ class Run:
         robot: the robot.
         posture: what its posture is called.
         series: every channel: positions, velocities, accelerations, torques, motion of frames, forces, energy.
-        state: y at the last sample, as the core has it.
         status: "complete", or "interrupted" after Ctrl-C; then the series ends early.
         method: "explicit" or "implicit" steps.
         steps: taken.
@@ -111,7 +110,7 @@ def simulate(
     duration_s: float,
     sample_rate_hz: float = 1000.0,
     control: SampledControl | None = None,
-    joints: Sequence[JointLaw] = (),
+    joints: JointLaw | Sequence[JointLaw] = (),
     frames: Sequence[str] | None = None,
     displacement: Mapping[str, float] | None = None,
     velocity: Mapping[str, float] | None = None,
@@ -167,7 +166,7 @@ def simulate(
         posture,
         load,
         excitations=acting,
-        joints=joints,
+        joints=joints if isinstance(joints, Iterable) else (joints,),
         duration_s=(samples - 1) * step,
         preloaded=equilibrium == "reference",
     )
@@ -227,7 +226,7 @@ def _ended(assembly: Assembly, run: Run, ending: str, at: float, body: int) -> S
 
 def acting_of(given: Excitation | Sequence[Excitation]) -> tuple[Excitation, ...]:
     """Excitations as a tuple; a SimulationError if one is something else."""
-    acting = (given,) if isinstance(given, Excitation) else tuple(given)
+    acting = tuple(given) if isinstance(given, Iterable) else (given,)
     for one in acting:
         if not isinstance(one, Excitation):
             expected = "Impulse, HammerPulse, Step, Sine, Sweep, BandNoise or MeasuredForce"
@@ -301,7 +300,7 @@ def _absolute(assembly: Assembly, tolerance: float) -> Array:
 
 def _sampled(
     assembly: Assembly, control: SampledControl | None
-) -> tuple[float, float, bool, float, list[float]] | None:
+) -> tuple[float, float, bool, list[float], list[float]] | None:
     if control is None:
         return None
     if not isinstance(control, SampledControl):
@@ -310,4 +309,5 @@ def _sampled(
         raise SimulationError("control", found="a robot without motors", expected="a robot with drives")
     reference = assembly.rest.motor_position.tolist()
     difference = control.velocity == "difference"
-    return 1 / control.rate_hz, control.delay_s, difference, control.encoder_step, reference
+    steps = (control.encoder_step / assembly.robot.drives.gear_ratio).tolist()
+    return 1 / control.rate_hz, control.delay_s, difference, steps, reference

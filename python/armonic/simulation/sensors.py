@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armonic.errors import SignalError
 from armonic.series import TimeSeries
+
+if TYPE_CHECKING:
+    from armonic.robot import Robot
 
 Array = NDArray[np.float64]
 
@@ -85,6 +88,26 @@ class Sensor:
     def step(self) -> float:
         """One step of the values, in the unit of the channel; zero if they have none."""
         return 0.0 if self.bits is None else self.full_range / 2**self.bits
+
+
+def encoders(robot: Robot, bits: int) -> dict[str, Sensor]:
+    """The encoders of a robot's motors, for `measure`: each sits on its rotor, ahead of the gear.
+
+    A turn of the rotor has 2^bits steps, so that the angle after the gear, which motor positions are, has steps smaller
+    by the gear ratio.
+
+    Args:
+        robot: with drives.
+        bits: of every encoder, 1 to 52.
+
+    Raises:
+        SignalError: the robot has no motor, or the bits are out of their range.
+    """
+    drives = robot.drives
+    if not drives.names:
+        raise SignalError(robot.name, found="no motor", expected="a robot with drives")
+    turns = zip(drives.names, (2 * math.pi / drives.gear_ratio).tolist(), strict=True)
+    return {f"motor_position:{name}": Sensor(bits=bits, full_range=turn) for name, turn in turns}
 
 
 def measure(
