@@ -1,4 +1,4 @@
-"""Excitations have the course that their formulas say, act where and along what they name, and last as long as they must."""
+"""Excitations have the course of their formulas, act along what they name, and last as long as they must."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ AT = {"axis": "x", "frame": "mass_0"}
 
 def between(start: float, end: float) -> Array:
     """One where a force acts: a sample sees what holds right after it."""
-    return ((T > start - 1e-9) & (T < end - 1e-9)).astype(float)
+    return ((start - 1e-9 < T) & (end - 1e-9 > T)).astype(float)
 
 
 @pytest.mark.parametrize(
@@ -145,7 +145,9 @@ def test_a_force_pushes_along_the_axis_it_names(axis: str, world: bool) -> None:
     push = am.Impulse(axis=axis + "0" * world, frame="tool", force=2.0, duration_s=0.001, start_s=0.0)
     run = am.simulate(scompi(), "c8", push, duration_s=0.001)
     model = am.linearize(scompi(), "c8")
-    rows = model.robot.mechanism.jacobian(model.q, model.robot.frame_index("tool"))[["x", "y", "z", "rx", "ry", "rz"].index(axis)]
+    rows = model.robot.mechanism.jacobian(model.q, model.robot.frame_index("tool"))[
+        ["x", "y", "z", "rx", "ry", "rz"].index(axis)
+    ]
     expected = np.linalg.solve(model.mass[:6, :6], 2.0 * (rows if world else rows_of(model, "tool", (axis,))[0]))
     found = run.series.select("joint_acceleration").values[0]  # at rest all but the push cancels, to 1e-14 of 100 N m
     np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-8)

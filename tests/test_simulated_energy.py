@@ -58,7 +58,11 @@ def test_energy_balance_knows_motors_that_drive_and_a_constant_wrench() -> None:
 def test_energy_balance_of_random_robots_closes(seed: int) -> None:
     robot = random_driven_robot(seed, 5) if seed % 2 else random_robot(seed, 5)
     start = dict.fromkeys(robot.coordinates, 0.5)
-    laws = [am.Hardening(joint="*", cubic=1e6), am.Backlash(joint="link_1", gap=1e-3), am.Coulomb(joint="*", torque=5.0)]
+    laws = [
+        am.Hardening(joint="*", cubic=1e6),
+        am.Backlash(joint="link_1", gap=1e-3),
+        am.Coulomb(joint="*", torque=5.0),
+    ]
     push = am.Sine(axis="x", frame="mid", force=100.0, freq_hz=17.0)
     # The roundings of dry friction and the corners of free play cost accuracy between evaluations.
     for joints, allowed in (([], 1e-8), (laws, 1e-6)):
@@ -70,7 +74,7 @@ def test_energy_balance_of_random_robots_closes(seed: int) -> None:
 
 def undamped(name: str) -> am.Robot:
     robot = am.load(name)
-    return robot.with_values({path: 0.0 for path in robot.numbers("*.damping")})
+    return robot.with_values(dict.fromkeys(robot.numbers("*.damping"), 0.0))
 
 
 @pytest.mark.parametrize("name", ["kuka_kr90", "huynh_3r"])

@@ -1,4 +1,4 @@
-"""A run moves as Pinocchio and SciPy say, rests where it should, and its samples do not depend on how they were asked for."""
+"""A run moves as Pinocchio and SciPy say, rests where it should, and can be stopped."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_scompi_under_a_hit_moves_as_an_independent_integration_says(case: int) 
 def test_every_torque_and_acceleration_of_a_run_is_that_of_its_state() -> None:
     run = am.simulate(scompi(), "c8", HIT, duration_s=0.4)
     peer, d, series = Peer(scompi(), "c8"), scompi().drives, run.series
-    q, q_m, v, v_m = np.split(states_of(run), 4, axis=1)
+    q, q_m, _, v_m = np.split(states_of(run), 4, axis=1)
     acting = np.outer((series.time_s > 0.2 - 1e-9) & (series.time_s < 0.206 - 1e-9), PUSH)
     np.testing.assert_array_equal(run["force"], acting[:, 1])
     expected = np.array([peer.rates(y, force) for y, force in zip(states_of(run), acting, strict=True)])

@@ -9,8 +9,8 @@ use crate::polynomial::{Polynomial, Work, argument};
 use nalgebra::Complex as C64;
 use pulp::Simd;
 
-/// A point is done where a bound for the smallest singular value of P, as a share of Σ‖C_k‖|z|^k, is below this: it is
-/// an eigenvalue of a polynomial this close.
+/// A point is done where a bound for the smallest singular value of P, its rows divided by their Σ|row of C_k||z|^k, is
+/// below this for every row: it is an eigenvalue of a polynomial whose rows are this close.
 const SINGULAR: f64 = 4.0 * f64::EPSILON;
 /// Or where the step is below this share of the point.
 const STILL: f64 = 2.0 * f64::EPSILON;
@@ -166,7 +166,8 @@ impl Cloud {
             z.set_lane(lane, (point.re, point.im));
             w.set_lane(lane, (argument.re, argument.im));
         }
-        let size = work.evaluate(simd, polynomial, outside, w);
+        work.evaluate(simd, polynomial, outside, w);
+        let (norm, size) = work.equilibrate(simd, polynomial.m);
         let (trace, pivot) = work.trace(simd, polynomial.m);
         let repulsion = self.repulsion(simd, z, pairs);
         for (lane, &index) in group.iter().enumerate() {
@@ -184,7 +185,8 @@ impl Cloud {
                 self.singles.step[index - self.pairs.at.len()]
             };
             let mut step = (slope - away).inv();
-            let (size, pivot) = (size.as_slice()[lane], pivot.as_slice()[lane].sqrt());
+            let of = |square: Real<S>| square.as_slice()[lane].sqrt();
+            let (size, norm, pivot) = (size.as_slice()[lane], of(norm), of(pivot));
             // Where the push is as strong as the pull, another point already stands at this eigenvalue.
             let free = if pivot > 0.0 {
                 (slope - away).norm() > FREE * slope.norm()
@@ -192,7 +194,7 @@ impl Cloud {
                 step = C64::new(0.0, 0.0); // no telling how far
                 away.norm() * point.norm() * STILL.sqrt() < 1.0
             };
-            let singular = pivot <= SINGULAR * size && size > SMALLEST && free;
+            let singular = pivot <= SINGULAR * norm && size > SMALLEST && free;
             if !singular && (pivot == 0.0 || !step.is_finite()) {
                 step = 0.1 * point; // anywhere else will do
             }

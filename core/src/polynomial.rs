@@ -9,6 +9,8 @@ const TOGETHER: usize = 3;
 /// Σ C_k z^k, packed for a sum over k: blocks of [`TOGETHER`] entries of C_k beside those of (k+1) C_(k+1).
 struct Form {
     coefficients: Vec<[f64; 2 * TOGETHER]>,
+    /// |C_k|, packed likewise.
+    sizes: Vec<[f64; TOGETHER]>,
     /// Frobenius norms of C_k.
     norms: Vec<f64>,
 }
@@ -29,8 +31,10 @@ impl Form {
                 coefficients.push(packed);
             }
         }
+        let size = |packed: &[f64; 2 * TOGETHER]| std::array::from_fn(|e| packed[e].abs());
+        let sizes = coefficients.iter().map(size).collect();
         let norm = |matrix: &&[f64]| matrix.iter().map(|v| v * v).sum::<f64>().sqrt();
-        Self { coefficients, norms: matrices.iter().map(norm).collect() }
+        Self { coefficients, sizes, norms: matrices.iter().map(norm).collect() }
     }
 }
 
@@ -70,9 +74,12 @@ impl Polynomial {
 /// Memory for the polynomial at one group of points.
 pub(crate) struct Work<S: Simd> {
     powers: Vec<Complex<S>>,
+    lengths: Vec<Real<S>>,
     /// P, and P', by rows; the last block may have entries that belong to neither.
     value: Vec<Complex<S>>,
     slope: Vec<Complex<S>>,
+    /// Σ|C_k||z|^k, likewise.
+    size: Vec<Real<S>>,
 }
 
 /// Whether a point belongs to the reversed polynomial, and the number that goes into it.
@@ -83,8 +90,14 @@ pub(crate) fn argument(z: C64<f64>) -> (bool, C64<f64>) {
 impl<S: Simd> Work<S> {
     pub(crate) fn new(simd: S, m: usize, degree: usize) -> Self {
         let entries = (m * m).next_multiple_of(TOGETHER);
-        let zero = Complex::zero(simd);
-        Self { powers: vec![zero; degree + 1], value: vec![zero; entries], slope: vec![zero; entries] }
+        let (zero, real) = (Complex::zero(simd), Real::splat(simd, 0.0));
+        Self {
+            powers: vec![zero; degree + 1],
+            lengths: vec![real; degree + 1],
+            value: vec![zero; entries],
+            slope: vec![zero; entries],
+            size: vec![real; entries],
+        }
     }
 
     /// P, by rows, in one lane.
@@ -105,8 +118,8 @@ impl<S: Simd> Work<S> {
         let radius = z.norm_squared(simd).sqrt(simd);
         let (mut power, mut size) = (Complex::splat(simd, 1.0), Real::splat(simd, 0.0));
         let mut length = Real::splat(simd, 1.0);
-        for (place, &norm) in self.powers.iter_mut().zip(&form.norms) {
-            *place = power;
+        for (i, &norm) in form.norms.iter().enumerate() {
+            (self.powers[i], self.lengths[i]) = (power, length);
             size = size.add_mul(simd, Real::splat(simd, norm), length);
             power = power.mul(simd, z);
             length = length.mul(simd, radius);
@@ -125,7 +138,54 @@ impl<S: Simd> Work<S> {
             value.copy_from_slice(&sums[..TOGETHER]);
             slope.copy_from_slice(&sums[TOGETHER..]);
         }
+        let lengths = &self.lengths[..form.norms.len()];
+        let blocks = form.sizes.chunks_exact(lengths.len());
+        for (block, place) in blocks.zip(self.size.as_chunks_mut::<TOGETHER>().0) {
+            let mut sums = [Real::splat(simd, 0.0); TOGETHER];
+            for (sizes, &length) in block.iter().zip(lengths) {
+                for i in 0..TOGETHER {
+                    sums[i] = sums[i].add_mul(simd, Real::splat(simd, sizes[i]), length);
+                }
+            }
+            place.copy_from_slice(&sums);
+        }
         size
+    }
+
+    /// Divides rows and columns of P and P' by their largest sizes, so that these are at most one; the square of the
+    /// norm of all sizes, and the largest of the smallest row.
+    ///
+    /// An entry may be small beside the others and yet known to as many digits: where a channel follows itself only, its
+    /// entries shrink like z^p inside the unit circle. What is singular to rounding shows between rows and columns of
+    /// like size.
+    #[inline(always)]
+    pub(crate) fn equilibrate(&mut self, simd: S, m: usize) -> (Real<S>, Real<S>) {
+        let (least, zero) = (Real::splat(simd, f64::MIN_POSITIVE), Real::splat(simd, 0.0));
+        let mut smallest = Real::splat(simd, f64::INFINITY);
+        for i in 0..m {
+            let row = i * m..(i + 1) * m;
+            let largest = self.size[row.clone()].iter().fold(zero, |max, &size| max.max(simd, size));
+            smallest = smallest.min(simd, largest);
+            self.divide(simd, row, largest.max(simd, least));
+        }
+        let mut square = zero;
+        for j in 0..m {
+            let column = (j..m * m).step_by(m);
+            let largest = column.clone().fold(zero, |max, e| max.max(simd, self.size[e]));
+            self.divide(simd, column.clone(), largest.max(simd, least));
+            square = column.fold(square, |sum, e| sum.add_mul(simd, self.size[e], self.size[e]));
+        }
+        (square, smallest)
+    }
+
+    #[inline(always)]
+    fn divide(&mut self, simd: S, entries: impl Iterator<Item = usize>, size: Real<S>) {
+        let scale = Real::splat(simd, 1.0).div(simd, size);
+        for e in entries {
+            self.size[e] = self.size[e].mul(simd, scale);
+            self.value[e] = self.value[e].scale(simd, scale);
+            self.slope[e] = self.slope[e].scale(simd, scale);
+        }
     }
 
     /// tr(P⁻¹P') and a bound from above for the smallest squared singular value of P, by elimination with partial

@@ -13,7 +13,6 @@ import typer
 from armonic.cli import arguments
 from armonic.cli.amounts import amount, span, whole
 from armonic.cli.arguments import ForceFlag, JsonFlag, UsageError
-from armonic.cli.oma_results import deliver_oma
 from armonic.cli.outputs import check_output
 from armonic.cli.setting import SetOption, with_numbers
 from armonic.cli.terminal import remark
@@ -188,7 +187,7 @@ def oma(
         "decimate": decimate,
         "band_hz": None if band is None else span("--band", band, "frequency"),
         "block_rows": block_rows,
-        "spindle_hz": None if spindle is None else amount("--spindle", spindle, "frequency"),
+        "spindle_hz": _speed(spindle),
         **_grid(arguments.choice("--selection", selection, ("cluster", "grid")), resolution, repeats),
     }
     if block_rows is not None and (method != "ssi" or block_rows < 1):
@@ -213,6 +212,8 @@ def oma(
     except KeyboardInterrupt:
         remark("interrupted: nothing was written")
         raise
+    from armonic.cli.oma_results import deliver_oma
+
     return deliver_oma(result, reference, output, report, source=file, doubt=doubt, as_json=as_json)
 
 
@@ -234,6 +235,15 @@ def _orders(text: str) -> range | tuple[int, int]:
     if low > high:
         raise UsageError("--orders", found=repr(text), expected="the lowest order first")
     return range(low, high + 1, step[0]) if step else (low, high)
+
+
+def _speed(text: str | None) -> float | None:
+    if text is None:
+        return None
+    speed = amount("--spindle", text, "frequency")
+    if speed <= 0:
+        raise UsageError("--spindle", found=repr(text), expected="a speed above 0, such as 100Hz or 6000rpm")
+    return speed
 
 
 def _grid(selection: str, resolution: str | None, repeats: int | None) -> dict[str, Any]:
@@ -354,10 +364,14 @@ def _identify(series: TimeSeries, asked: dict[str, Any]) -> OmaResult:
 
 def _named(error: SignalError) -> ArmonicError:
     """The error, with the name of the option that was typed."""
-    option = _OPTIONS.get(error.where)
+    option, hint = _OPTIONS.get(error.where), error.hint
+    if error.where == "series":  # it was cut or filtered, by one of these
+        option = "--decimate" if "filter" in error.expected else "--window"
     if option is None:
         return error
-    return UsageError(option, found=error.found, expected=error.expected, hint=error.hint)
+    if hint is not None and "quiet=" in hint:
+        hint = "Say with --window START:STOP what to take."
+    return UsageError(option, found=error.found, expected=error.expected, hint=hint)
 
 
 @contextmanager

@@ -116,14 +116,17 @@ def oma_tables(
         f" {count(len(series), 'sample')} at {series.sample_rate_hz:g} Hz ({_window_words(result)}), in"
         f" {format_duration(result.seconds)}"
     )
-    if result.modes:
-        yield ""
-        yield _modes_table(result)
+    yield ""
+    yield (
+        _modes_table(result)
+        if result.modes
+        else warning("nothing held over enough orders to be a mode; try other --orders, --channels or --window.")
+    )
     if fast := [str(k) for k, mode in enumerate(result.modes, 1) if mode.natural_freq_hz > series.sample_rate_hz / 2]:
         half = format_si(series.sample_rate_hz / 2, "Hz")
         yield warning(
-            f"mode{'s' if len(fast) > 1 else ''} {listing(fast)} above half the sampling rate, {half}: a faster damped"
-            " frequency is folded back, which shifts frequency and damping."
+            f"{'modes' if len(fast) > 1 else 'mode'} {listing(fast)} above half the sampling rate, {half}: a damped"
+            " frequency beyond that is folded back, which shifts frequency and damping."
         )
     for number, (mode, flag) in enumerate(zip(result.modes, result.harmonics, strict=True), 1):
         if flag.is_harmonic:

@@ -42,6 +42,8 @@ orders, chains of false poles that drift from order to order by up to two thirds
 MOST_SCATTER = 0.3
 """A pole scatters over the orders by no more than this share of its decay rate: those of modes by 0.27 at most with 1 %
 of noise, those of false poles close to |μ| = 1, which take each other's places, by 0.3 to 0.8."""
+UNDAMPED = 1e-3
+"""Motion damped by less counts as damped by this: a sine is steady although it has no decay rate."""
 CHAIN = "its poles scatter by more than 0.3 of their decay rate: a chain of false poles that drift from order to order"
 
 
@@ -98,7 +100,7 @@ def select_modes(
     least = max(3, int(np.ceil(least_share * orders - 1e-9)))
     groups = _groups(_holds(stabilization, least, int(np.ceil(1 / least_share))), least)
     found = sorted((mode_of(stabilization, group) for group in groups), key=lambda mode: mode.natural_freq_hz)
-    steady = [mode for mode in found if pole_scatter(mode) <= MOST_SCATTER * -mode.pole.real]
+    steady = [m for m in found if pole_scatter(m) <= MOST_SCATTER * max(-m.pole.real, UNDAMPED * abs(m.pole))]
     chosen = without_combinations(steady) if combinations else Selection(tuple(steady))
     chains = tuple(rejected_for(mode, CHAIN) for mode in found if mode not in steady)
     return Selection(chosen.modes, tuple(sorted(chosen.rejected + chains, key=lambda mode: mode.natural_freq_hz)))

@@ -273,6 +273,8 @@ def _poles(
 def _spacing(series: TimeSeries, method: Method, last: int, spacing: int | None, *, decay: bool) -> int:
     """Samples between the lags of the second set; 1 for none."""
     if spacing is not None:
+        if not (isinstance(spacing, int) and spacing >= 1):
+            raise SignalError("spacing", found=repr(spacing), expected="a whole number of at least 1, or None")
         if method != "var" and spacing != 1:
             raise SignalError("spacing", found=f"{spacing} with ssi", expected='method="var"')
         return spacing

@@ -25,6 +25,8 @@ REACH = 1.5
 with many poles far off not many more than half."""
 MOST_DAMPING = 0.999
 """Poles damped beyond this do not oscillate."""
+LEAST_DAMPING = -5e-4
+"""Of a sine that a machine adds, poles come out with a damping of a little less than zero as often as of a little more."""
 MAD_TO_STD = 1.4826
 """Standard deviation of a normal distribution per median absolute deviation."""
 
@@ -129,9 +131,9 @@ def rejected_for(mode: SelectedMode, reason: str) -> RejectedMode:
 
 
 def oscillating(stabilization: Stabilization) -> NDArray[np.bool_]:
-    """Which poles can be modes at all, (P,): they oscillate, decay, and have a shape."""
+    """Which poles can be modes at all, (P,): they oscillate, do not grow, and have a shape."""
     damping, known = stabilization.damping_ratio, np.isfinite(stabilization.shape).all(axis=1)
-    return np.asarray(known & (stabilization.pole.imag > 0) & (damping > 0) & (damping < MOST_DAMPING))
+    return np.asarray(known & (stabilization.pole.imag > 0) & (damping > LEAST_DAMPING) & (damping < MOST_DAMPING))
 
 
 def _scatter(values: Array) -> float:

@@ -201,13 +201,14 @@ def _nonlinear_rest(assembly: Assembly, x: Array) -> Array:
 
 
 def _deflection(shaft: Array, torque: float) -> float:
-    """Where a spring (stiffness, cubic term, gap) has a torque: the root nearest to that of its linear part."""
+    """Where a spring (stiffness, cubic term, gap) holds a torque: the least deflection at which it also resists more."""
     stiffness, cubic, gap = (float(v) for v in shaft)
     x = torque / stiffness
     if cubic and torque:
         roots = np.roots([cubic, 0.0, stiffness, -torque])
         real = roots[np.abs(roots.imag) <= 1e-9 * np.abs(roots)].real
-        x = float(real[np.argmin(np.abs(real - x))]) if real.size else np.nan
+        holds = real[(real * torque > 0) & (stiffness + 3 * cubic * real**2 > 0)]
+        x = float(holds[np.argmin(np.abs(holds))]) if holds.size else np.nan
         for _ in range(2):  # the last digits of a root of a polynomial
             x -= (x * (stiffness + cubic * x * x) - torque) / (stiffness + 3 * cubic * x * x)
     if not np.isfinite(x):
