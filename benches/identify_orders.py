@@ -1,7 +1,7 @@
 """Poles, shapes and selection of orders 2 to 100 beside a least-squares and an eigenvalue problem per order in NumPy.
 
-Data: six motor positions of Scompi after an impulse, 2 795 samples. With --orders and --pyoma the range and pyOMA2's SSI
-(if it is installed). Ratios are of medians of one run.
+Data: six motor positions of Scompi after an impulse, 2 795 samples. `--orders 2:60` takes another range, `--pyoma` puts
+pyOMA2's SSI beside ours, if it is installed. Ratios are of medians of one run.
 """
 
 from __future__ import annotations
@@ -43,11 +43,11 @@ def by_numpy(values: NDArray[np.float64], first: int, last: int) -> float:
 
 
 def pyoma(values: NDArray[np.float64], rate: float, last: int) -> None:
-    from pyoma2.algorithms import SSIcov
+    from pyoma2.algorithms import SSI
     from pyoma2.setup import SingleSetup
 
     setup = SingleSetup(values, rate)
-    setup.add_algorithms(SSIcov(name="ssi", br=30, ordmax=last, calc_unc=False))
+    setup.add_algorithms(SSI(name="ssi", method="cov", br=30, ordmax=last))
     setup.run_by_name("ssi")
 
 

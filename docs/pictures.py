@@ -37,7 +37,7 @@ QUIET = (
 def main() -> None:
     FOLDER.mkdir(exist_ok=True)
     wanted = sys.argv[1:]
-    for make in (kuka_fit, scompi_map, kuka_cases):
+    for make in (kuka_fit, scompi_map, kuka_cases, stabilization):
         if wanted and make.__name__ not in wanted:
             continue
         for name, figures in make().items():
@@ -65,6 +65,19 @@ def kuka_cases() -> dict[str, list[go.Figure]]:
     """The three cases of Huynh et al. 2021, section 5."""
     program = runpy.run_path(str(Path(__file__).parents[1] / "examples" / "kuka_cases.py"))
     return program["figures"](program["study"]())
+
+
+def stabilization() -> dict[str, list[go.Figure]]:
+    """Frequencies and damping of all orders from the motor positions of case 2 (Do et al. 2022, Fig. 9)."""
+    robot = am.load("scompi").with_values({"tool.mass": 4.0})
+    hit = am.Impulse(axis="y0", force=50.0, duration_s=0.006)
+    result = am.oma(am.simulate(robot, "c8", hit, duration_s=3.0).series, channels="motor_position")
+    modes = am.modes(robot, "c8")
+    figures = [
+        plots.stabilization_diagram(result.stabilization, result.modes, what=what, reference=modes)
+        for what in ("frequency", "damping")
+    ]
+    return {"stabilization": figures}
 
 
 def photograph(figures: list[go.Figure], target: Path) -> None:

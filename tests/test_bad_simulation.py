@@ -119,8 +119,11 @@ def test_excitations_that_do_not_fit_the_robot_are_refused(run: Any) -> None:
     with pytest.raises(am.SimulationError, match=r"Step\.frame: found none, expected one of base, mass_0"):
         run(oscillator(1.0, 1e4), [0.0], am.Step(axis="x", force=1.0), duration_s=0.1)
     narrow = am.BandNoise(axis="x", rms=1.0, low_hz=20.0, high_hz=20.5)
-    with pytest.raises(am.SimulationError, match="BandNoise: found 20 to 20.5 Hz for 0.1 s, .* Widen the band"):
+    with pytest.raises(am.SimulationError, match=r"BandNoise: found 20 to 20\.5 Hz for 0\.1 s, .* Widen the band"):
         run(scompi(), "c8", narrow, duration_s=0.1)
+    shrill = am.BandNoise(axis="x", rms=1.0, low_hz=20.0, high_hz=1e9)
+    with pytest.raises(am.SimulationError, match=r"BandNoise\.high_hz: found 1e\+09 Hz for 0\.1 s, .* at most 2"):
+        run(scompi(), "c8", shrill, duration_s=0.1)
 
 
 def test_an_unstable_loop_ends_the_run_and_says_what_left_when() -> None:

@@ -111,6 +111,8 @@ def test_noise_that_starts_late_is_silent_before() -> None:
     found = force(am.BandNoise(rms=1.0, low_hz=5.0, high_hz=50.0, start_s=0.5, **AT))
     assert not found[:500].any()
     assert found[501:].all()
+    assert not force(am.BandNoise(rms=1.0, low_hz=5.0, high_hz=50.0, start_s=2.0, **AT)).any()
+    assert not force(am.Sweep(force=1.0, from_hz=5.0, to_hz=50.0, start_s=2.0, **AT)).any()
 
 
 def test_a_measured_force_is_joined_by_straight_lines() -> None:

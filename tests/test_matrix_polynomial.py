@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.linalg import matrix_balance
 from scipy.optimize import linear_sum_assignment
 
 from armonic import _core
@@ -164,6 +165,59 @@ def test_no_random_polynomial_in_a_thousand_loses_an_eigenvalue():
         coefficients = rng.normal(size=(p, m, m)) * rng.choice([0.1, 1.0, 3.0])
         # Two eigenvalues of a random matrix that nearly meet lose half the digits, not more.
         assert distance(solve(coefficients), np.linalg.eigvals(companion(coefficients))).max() < 1e-7
+
+
+@cache
+def coarse_autoregressions() -> list[Array]:
+    """Likewise: a noisy decay in two channels, and one of a few steps that comes to rest.
+
+    Its rest is rounding, not quite zero, from sample 20 on. From order 20 on it follows itself, zᵖ = z^(p−1), but for
+    rounding.
+    """
+    rng = np.random.default_rng(4)
+    mu = np.exp([-0.004 + 0.08j, -0.02 + 0.31j, -0.01 + 0.7j])
+    shapes = rng.normal(size=(3, 2)) + 0.2j * rng.normal(size=(3, 2))
+    values = (mu ** np.arange(900)[:, None] @ shapes).real
+    values += 0.01 * values.std(axis=0) * rng.normal(size=values.shape)
+    steps = np.where(np.arange(900) < 20, rng.integers(-2, 3, 900), 1e-11)
+    values = np.column_stack([values / np.linalg.norm(values, axis=0), steps / np.linalg.norm(steps)])
+    out = []
+    for p in range(2, 41):
+        past = np.hstack([values[p - j : len(values) - j] for j in range(1, p + 1)])
+        held = np.vstack([past, EPS * np.eye(3 * p)])
+        solution = np.linalg.lstsq(held, np.vstack([values[p:], np.zeros((3 * p, 3))]), rcond=None)[0]
+        out.append(np.ascontiguousarray(solution.reshape(p, 3, 3).transpose(0, 2, 1)))
+    return out
+
+
+def test_every_order_of_coarse_data_converges_to_all_of_its_poles():
+    orders = coarse_autoregressions()
+    found, _, converged = _core.polynomial_eigenvalues(orders)
+    assert all(converged)
+    for coefficients, poles in zip(orders, found, strict=True):
+        # A pole that is missing, or only near, is worth 1e-5 or more; the rest is the rounding of some hundred terms.
+        assert abs(poles.sum() - np.trace(coefficients[0])) < 1e-11 * np.abs(poles).sum()
+        balanced, _ = matrix_balance(companion(coefficients))
+        values, right = np.linalg.eig(balanced)
+        condition = np.linalg.norm(np.linalg.inv(right), axis=1) * np.linalg.norm(right, axis=0)
+        apart = np.abs(poles[:, None] - values)
+        own, partner = linear_sum_assignment(apart)
+        # LAPACK's rounding of the balanced matrix, times the condition of each eigenvalue.
+        assert (apart[own, partner] < 10 * EPS * condition[partner] * np.linalg.norm(balanced, 2)).all()
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("small", [1e-17, 1e-30])
+def test_a_channel_that_follows_itself_faintly_has_its_poles_on_their_ring(small, turned):
+    p = 40
+    coefficients = np.zeros((p, 3, 3))
+    coefficients[:, :2, :2] = inner = random(11, p, 2, 0.3)
+    coefficients[:, :2, 2] = random(12, p, 2)[:, 0]
+    coefficients[-1, 2, 2] = small
+    ring = small ** (1 / p) * np.exp(2j * np.pi * np.arange(p) / p)  # zᵖ = small
+    poles = solve(coefficients.transpose(0, 2, 1) if turned else coefficients)
+    # Both parts are well conditioned, once rows and columns are of like size.
+    assert distance(poles, np.concatenate([solve(inner), ring])).max() < 1e-13
 
 
 # --- Closed forms -------------------------------------------------------------------------------------------

@@ -44,7 +44,7 @@ class Loop:
         assert d.inertia[0] == pytest.approx(inertia, rel=1e-15)
 
     def run(self, samples: int, late: int, *, difference: bool, step: float) -> tuple[Array, Array]:
-        """Deviations (samples, 4) and torques (samples,) every quarter of a period; torques act `late` quarters late."""
+        """Deviations (samples, 4) and torques (samples,) every quarter of a period; torques act late by quarters."""
         c, x = self.control, np.array([2e-3, 0.01, 0.0, 0.0])
         states, torques = [], []
         waiting: list[tuple[int, float]] = []
@@ -163,6 +163,8 @@ def test_a_computer_needs_motors_and_explicit_steps() -> None:
         am.simulate(oscillator(1.0, 100.0), [0.0], control=control, duration_s=0.1)
     with pytest.raises(am.SimulationError, match='method: found "implicit" with sampled control'):
         am.simulate(slide(), [0.0], control=control, duration_s=0.1, method="implicit")
+    with pytest.raises(am.SimulationError, match=r"SampledControl\.rate_hz: found 1e\+09 Hz for 0\.1 s"):
+        am.simulate(slide(), [0.0], control=am.SampledControl(rate_hz=1e9), duration_s=0.1)
     with pytest.raises(am.SimulationError, match="control: found 1000"):
         am.simulate(slide(), [0.0], control=1000, duration_s=0.1)  # type: ignore[arg-type]
 

@@ -72,6 +72,23 @@ def test_energy_balance_of_random_robots_closes(seed: int) -> None:
         assert unaccounted(run) < allowed
 
 
+@pytest.mark.parametrize("damping", [0.0, 50.0])
+def test_bushings_hold_and_dissipate_energy(damping: float) -> None:
+    rope = {
+        "name": "rope",
+        "between": ["base", "tip"],
+        "stiffness": [3e5] * 3 + [2e4] * 3,
+        "damping": [damping] * 6,
+        "rest": [0.0] * 5,
+    }
+    robot, bare = random_robot(7, 5, damping=0.0, bushings=[rope]), random_robot(7, 5, damping=0.0)
+    start = dict.fromkeys(robot.coordinates, 0.3)
+    run, without = (am.simulate(r, "bent", velocity=start, duration_s=0.5, tolerance=1e-10) for r in (robot, bare))
+    assert unaccounted(run) < 1e-9
+    assert (run["energy:dissipated"][-1] > 1e-3 * run["energy:kinetic"][0]) == (damping > 0)
+    assert np.abs(run["energy:kinetic"] - without["energy:kinetic"]).max() > 0.1 * run["energy:kinetic"][0]
+
+
 def undamped(name: str) -> am.Robot:
     robot = am.load(name)
     return robot.with_values(dict.fromkeys(robot.numbers("*.damping"), 0.0))

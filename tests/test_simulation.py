@@ -173,18 +173,25 @@ def test_samples_do_not_depend_on_their_rate(rate: float) -> None:
     assert off[:, 12:].max() < 1e-9
 
 
-def interrupt_soon(delay_s: float) -> None:
-    def send() -> None:
-        time.sleep(delay_s)
-        os.kill(os.getpid(), signal.SIGINT)
+class CtrlC:
+    """Sends the signal of Ctrl-C a moment after a run has begun."""
 
-    threading.Thread(target=send, daemon=True).start()
+    def __init__(self) -> None:
+        self.thread: threading.Thread | None = None
+
+    def __call__(self, time_s: float) -> None:
+        if self.thread is None:
+            self.thread = threading.Thread(target=self.send, daemon=True)
+            self.thread.start()
+
+    def send(self) -> None:
+        time.sleep(0.1)
+        os.kill(os.getpid(), signal.SIGINT)
 
 
 @pytest.mark.parametrize("method", ["explicit", "implicit"])
 def test_ctrl_c_ends_a_run_with_what_was_computed(method: am.simulation.running.Method) -> None:
-    interrupt_soon(0.3)
-    run = am.simulate(scompi(), "c8", HIT, duration_s=3000.0, sample_rate_hz=100.0, method=method)
+    run = am.simulate(scompi(), "c8", HIT, duration_s=3000.0, sample_rate_hz=100.0, method=method, progress=CtrlC())
     assert run.status == "interrupted"
     assert 1 <= len(run.series) < 300_001
     whole = am.simulate(scompi(), "c8", HIT, duration_s=0.5, sample_rate_hz=100.0)

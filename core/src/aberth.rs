@@ -9,8 +9,8 @@ use crate::polynomial::{Polynomial, Work, argument};
 use nalgebra::Complex as C64;
 use pulp::Simd;
 
-/// A point is done where a bound for the smallest singular value of P, its rows divided by their Σ|row of C_k||z|^k, is
-/// below this for every row: it is an eigenvalue of a polynomial whose rows are this close.
+/// A point is done where a bound for the smallest singular value of P is below this share of its size, once rows and
+/// columns of Σ|C_k||z|^k are of like size: it is an eigenvalue of a polynomial this close, row by row.
 const SINGULAR: f64 = 4.0 * f64::EPSILON;
 /// Or where the step is below this share of the point.
 const STILL: f64 = 2.0 * f64::EPSILON;

@@ -3,8 +3,9 @@
 application.py the commands together; refusals.py errors in one line; arguments.py words typed into values;
 terminal.py tables, JSON and the progress bar; outputs.py files that must not be replaced; results.py a fit in
 tables; measured.py and problem.py what a fit reads and what it is told; delivery.py a fit written and shown;
-model.py, fitting.py, planning.py, mapping.py, export.py, robots.py, demo.py the commands, sections.py their help. What
-is slow to import is imported by the command that needs it.
+motions.py, amounts.py and setting.py what a run is told; run_results.py, run_delivery.py and oma_results.py what comes
+of it; model.py, fitting.py, planning.py, mapping.py, simulating.py, identifying.py, export.py, robots.py, demo.py the
+commands, sections.py their help. What is slow to import is imported by the command that needs it.
 """
 
 from __future__ import annotations

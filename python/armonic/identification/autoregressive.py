@@ -12,7 +12,7 @@ from armonic.errors import SignalError
 from armonic.identification.deviations import pole_deviations
 from armonic.identification.poles import ModelPoles, continuous_poles, in_band, kept_poles, unit_shapes
 from armonic.identification.regression import Regression
-from armonic.identification.samples import checked_band, checked_orders, checked_samples
+from armonic.identification.samples import blas_on_one_thread, checked_band, checked_orders, checked_samples
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -74,7 +74,19 @@ def vector_autoregression(
             else f"at least {m + spacing} samples, for order 1",
             hint="Take lower orders, a longer record or fewer channels.",
         )
-    regression = Regression(samples, listed[-1], spacing)
+    with blas_on_one_thread():
+        return _fitted(Regression(samples, listed[-1], spacing), listed, sample_rate_hz, band, deviations=deviations)
+
+
+def _fitted(
+    regression: Regression,
+    listed: list[int],
+    sample_rate_hz: float,
+    band: tuple[float, float] | None,
+    *,
+    deviations: bool,
+) -> list[ModelPoles]:
+    m = len(regression.scale)
     coefficients = [regression.fit(order).coefficients for order in listed]
     unit = regression.scale / regression.scale.max()
     found = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from itertools import pairwise
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -97,3 +98,15 @@ def checked_band(band_hz: tuple[float, float] | None) -> tuple[float, float] | N
     if not 0 <= low < high:
         raise SignalError("band_hz", found=repr(band_hz), expected="(low, high) in Hz with 0 <= low < high")
     return low, high
+
+
+def blas_on_one_thread() -> AbstractContextManager[object]:
+    """NumPy and SciPy on one thread while it lasts.
+
+    The factorizations here are many and narrow: on busy cores the threads of a BLAS spend tens of times the work itself
+    in waiting for each other, and on idle ones they gain little.
+    """
+    from threadpoolctl import threadpool_limits
+
+    limits: AbstractContextManager[object] = threadpool_limits(limits=1, user_api="blas")
+    return limits

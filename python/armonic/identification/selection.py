@@ -26,7 +26,7 @@ with many poles far off not many more than half."""
 MOST_DAMPING = 0.999
 """Poles damped beyond this do not oscillate."""
 LEAST_DAMPING = -5e-4
-"""Of a sine that a machine adds, poles come out with a damping of a little less than zero as often as of a little more."""
+"""Of a sine that a machine adds, poles come out damped by a little less than zero as often as by a little more."""
 MAD_TO_STD = 1.4826
 """Standard deviation of a normal distribution per median absolute deviation."""
 

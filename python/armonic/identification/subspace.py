@@ -9,7 +9,7 @@ from scipy.linalg import solve_triangular
 
 from armonic.errors import SignalError
 from armonic.identification.poles import ModelPoles, continuous_poles, in_band, kept_poles, unit_shapes
-from armonic.identification.samples import checked_band, checked_orders, checked_samples
+from armonic.identification.samples import blas_on_one_thread, checked_band, checked_orders, checked_samples
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -69,6 +69,14 @@ def covariance_ssi(
             expected=f"at most {m * (block_rows - 1)} states",
             hint="Take more block rows or lower orders.",
         )
+    with blas_on_one_thread():
+        return _fitted(samples, sample_rate_hz, listed, block_rows, band)
+
+
+def _fitted(
+    samples: Array, sample_rate_hz: float, listed: list[int], block_rows: int, band: tuple[float, float] | None
+) -> list[ModelPoles]:
+    m = samples.shape[1]
     scale = np.linalg.norm(samples / np.abs(samples).max(axis=0), axis=0) * np.abs(samples).max(axis=0)
     observed = _observability(samples / scale, block_rows, listed[-1])
     # The columns are a basis of the observability's, each state scaled freely, which leaves the poles as they are and

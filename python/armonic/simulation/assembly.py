@@ -201,7 +201,7 @@ def _nonlinear_rest(assembly: Assembly, x: Array) -> Array:
 
 
 def _deflection(shaft: Array, torque: float) -> float:
-    """Where a spring (stiffness, cubic term, gap) holds a torque: the least deflection at which it also resists more."""
+    """Where a spring (stiffness, cubic term, gap) holds a torque: the least deflection at which it resists more too."""
     stiffness, cubic, gap = (float(v) for v in shaft)
     x = torque / stiffness
     if cubic and torque:

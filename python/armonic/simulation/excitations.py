@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     CoreExcitation: TypeAlias = tuple[int, list[float], bool, str, list[float], list[float]]
 
 _AXIS = re.compile(r"(r?)([xyz])(0?)")
+MAX_SAMPLES = 20_000_000
+"""Of a run, of noise, or of control: more is taken for an error in a unit."""
 SAMPLES_PER_PERIOD = 20
 """Noise is made so finely that straight lines between its values lose less than 1 % of its highest frequency."""
 
@@ -258,6 +260,14 @@ class BandNoise(Excitation):
     def waveform(self, duration_s: float) -> Waveform:
         """Samples whose spectrum has random phases and amplitudes within the band, and nothing outside."""
         step = 1 / (SAMPLES_PER_PERIOD * self.high_hz)
+        if self.start_s >= duration_s:
+            return "samples", [self.start_s, step], [0.0, 0.0]
+        if (duration_s - self.start_s) / step > MAX_SAMPLES:
+            raise SimulationError(
+                "BandNoise.high_hz",
+                found=f"{self.high_hz:g} Hz for {duration_s - self.start_s:g} s",
+                expected=f"noise of at most {MAX_SAMPLES} samples, {SAMPLES_PER_PERIOD} a period",
+            )
         count = max(2, math.ceil((duration_s - self.start_s) / step) + 2)
         lines = np.fft.rfftfreq(count, step)
         inside = (lines >= self.low_hz) & (lines <= self.high_hz)

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
     Array: TypeAlias = NDArray[np.float64]
 
+MOST_KNOWN = 1000
+"""Exponentials that are kept, for lengths that come again."""
 LINES_PER_PERIOD = 100
 """Straight lines that stand for a period of a sweep: off by 0.05 % of its amplitude at most."""
 
@@ -136,6 +138,8 @@ def _walk(
 
     def over(length: float) -> Array:
         if length not in known:
+            if len(known) >= MOST_KNOWN:
+                known.clear()
             known[length] = np.asarray(expm(whole * length), np.float64)
         return known[length]
 
@@ -194,6 +198,8 @@ def _source(model: LinearModel, excitation: Excitation, duration_s: float, step:
 
 def _sampled_sweep(numbers: list[float], step: float) -> tuple[list[float], list[float]]:
     begin, end, size, low, high, logarithmic = numbers
+    if end <= begin:  # it starts after the run
+        return [begin, step], [0.0, 0.0]
     # Parts of a sampling time, so that few exponentials serve all of them.
     width, length = step / max(1, np.ceil(LINES_PER_PERIOD * max(low, high) * step)), end - begin
     x = np.arange(int(np.ceil(length / width)) + 1) * width

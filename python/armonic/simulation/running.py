@@ -15,7 +15,7 @@ from armonic.linear import linearize
 from armonic.loads import WrenchAxes, load_of
 from armonic.simulation.assembly import Assembly, assemble, start_state
 from armonic.simulation.control import SampledControl
-from armonic.simulation.excitations import Excitation
+from armonic.simulation.excitations import MAX_SAMPLES, Excitation
 from armonic.simulation.implicit import run_implicit
 from armonic.simulation.signals import signals
 from armonic.simulation.stability_region import longest_stable_step
@@ -41,7 +41,6 @@ POSITION_ROUNDING, VELOCITY_ROUNDING = 1e-16, 1e-13
 """Deviations (rad or m, per second) are not known better: forces of gravity lose as much to rounding."""
 STEPS_SHARE = 0.1
 """Steps are ten times as good as asked, so that what is interpolated between them keeps the tolerance too."""
-MAX_SAMPLES = 20_000_000
 
 
 class Asked(TypedDict):
@@ -171,7 +170,7 @@ def simulate(
         preloaded=equilibrium == "reference",
     )
     start = start_state(assembly, load, equilibrium, displacement, velocity)
-    sampled = _sampled(assembly, control)
+    sampled = _sampled(assembly, control, (samples - 1) * step)
     chosen, longest = _steps(assembly, method, sampled is not None)
     asked: Asked = {
         "step": step,
@@ -299,7 +298,7 @@ def _absolute(assembly: Assembly, tolerance: float) -> Array:
 
 
 def _sampled(
-    assembly: Assembly, control: SampledControl | None
+    assembly: Assembly, control: SampledControl | None, duration_s: float
 ) -> tuple[float, float, bool, list[float], list[float]] | None:
     if control is None:
         return None
@@ -307,6 +306,9 @@ def _sampled(
         raise SimulationError("control", found=repr(control), expected="a SampledControl, or None")
     if not len(assembly.loop):
         raise SimulationError("control", found="a robot without motors", expected="a robot with drives")
+    if control.rate_hz * duration_s > MAX_SAMPLES:
+        found, expected = f"{control.rate_hz:g} Hz for {duration_s:g} s", f"at most {MAX_SAMPLES} instants of control"
+        raise SimulationError("SampledControl.rate_hz", found=found, expected=expected)
     reference = assembly.rest.motor_position.tolist()
     difference = control.velocity == "difference"
     steps = (control.encoder_step / assembly.robot.drives.gear_ratio).tolist()
