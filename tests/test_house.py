@@ -35,15 +35,15 @@ def test_the_library_example_of_the_readme_runs(tmp_path: Path, monkeypatch: pyt
     assert (tmp_path / "demo" / "report.html").stat().st_size > 1_000_000  # plotly's code is in it
 
 
-def test_the_closed_loop_and_survey_examples_of_the_docs_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_examples_of_the_docs_with_the_closed_loop_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     page = (ROOT / "docs" / "library.md").read_text("utf-8")
     codes = [code for code in re.findall(r"```python\n(.*?)```", page, flags=re.DOTALL) if "scompi" in code]
     names: dict[str, object] = {"am": am}
     for code in codes:
         exec(compile(code, "library.md", "exec"), names)
-    assert len(codes) == 2
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["plane.zarr", "scompi.mat"]
+    assert len(codes) == 4
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["oma.html", "plane.zarr", "run.zarr", "scompi.mat"]
 
 
 def test_the_robot_file_of_the_readme_is_valid_and_has_modes(tmp_path: Path) -> None:

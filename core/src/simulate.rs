@@ -124,6 +124,15 @@ pub fn simulate(
         }
     }
     crate::mechanism::finite("start", start.iter().copied())?;
+    if let Some(sampled) = &settings.sampled {
+        for (what, got) in
+            [("encoder steps", sampled.resolution.len()), ("motor reference", sampled.motor_reference.len())]
+        {
+            if got != plant.motors.len() {
+                return Err(Error::Length { what, needed: plant.motors.len(), got });
+            }
+        }
+    }
     let breaks = breaks(plant, settings);
     let mut walk = Walk {
         plant,
