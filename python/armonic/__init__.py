@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from armonic.report import write_report
     from armonic.response import Frf
     from armonic.robot import Robot, load
+    from armonic.run_report import write_run_report
     from armonic.series import Channel, TimeSeries
     from armonic.simulation.control import SampledControl
     from armonic.simulation.excitations import (
@@ -192,6 +193,7 @@ __all__ = [
     "write_identification_report",
     "write_map_report",
     "write_report",
+    "write_run_report",
     "write_series",
     "write_uff",
 ]
@@ -216,6 +218,7 @@ _HOME = {
     "identification.stabilization": ("Criteria", "Stabilization", "stabilize"),
     "identification.clustering": ("select_modes",),
     "identification_report": ("write_identification_report",),
+    "run_report": ("write_run_report",),
     "series": ("Channel", "TimeSeries"),
     "simulation.control": ("SampledControl",),
     "simulation.excitations": (

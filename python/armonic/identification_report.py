@@ -16,6 +16,7 @@ from armonic.page import ALLEMANG_BROWN, DO_VU_LIU, embedder, render_page
 from armonic.plots.matrices import mac_matrix
 from armonic.plots.series import MAX_CHANNELS, time_histories
 from armonic.plots.stabilization import stabilization_diagram
+from armonic.series import ROBOT_FILE
 from armonic.writing import write_whole
 
 if TYPE_CHECKING:
@@ -255,5 +256,5 @@ def _how(result: OmaResult) -> list[tuple[str, str]]:
         *([("criteria off", ", ".join(off))] if off else []),
         ("poles", f"{len(stabilization.order)}, of which {int(np.count_nonzero(stabilization.stable))} stable"),
         ("computed in", text.format_duration(result.seconds)),
-        *((f"note: {name}", note) for name, note in series.notes.items()),
+        *((f"note: {name}", note) for name, note in series.notes.items() if name != ROBOT_FILE),
     ]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from armonic.page import DO_VU_LIU, embedder, render_page
 from armonic.plots.series import MAX_CHANNELS, time_histories
+from armonic.series import ROBOT_FILE
 from armonic.text import count, format_si
 from armonic.writing import write_whole
 
@@ -60,7 +61,7 @@ def render(series: TimeSeries, *, title: str | None = None) -> str:
             f" {format_si(series.sample_rate_hz, 'Hz')}, {format_si(series.duration_s, 's')}. Angles in degrees."
         ),
         "sections": sections,
-        "notes": [(name, text) for name, text in series.notes.items()],
+        "notes": [(name, text) for name, text in series.notes.items() if name != ROBOT_FILE],
         "references": ((DO_VU_LIU, "The equations of motion and figures of this kind (Figs. 7, B.1 and B.2)."),),
     }
     return render_page("run_report.html.j2", content)

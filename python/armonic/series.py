@@ -37,6 +37,8 @@ Quantity: TypeAlias = Literal[
 QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
 """Every quantity a channel may hold."""
 
+ROBOT_FILE = "robot_yaml"
+"""The note that holds a whole robot file: too long for a table."""
 UNEVEN = 0.02
 """A sample may lie this share of a step beside its place: files round their times."""
 
