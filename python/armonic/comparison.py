@@ -146,7 +146,7 @@ def _figures(table: ModeTable, mode: int) -> tuple[float, float]:
     return float(table.natural_freq_hz[mode]), 100 * float(table.damping_ratio[mode])
 
 
-def compare(a: Any, b: Any, *, max_freq_difference: float = 0.2, least_mac: float | None = None) -> Comparison:
+def compare(a: Any, b: Any, *, max_freq_difference: float = 0.1, least_mac: float | None = None) -> Comparison:
     """Pairs the modes of two sets so that the pairs together differ least; either set may hold what the other lacks.
 
     The cost of a pair is |λ_a − λ_b| / max(|λ_a|, |λ_b|), which frequency and damping share, as a part of

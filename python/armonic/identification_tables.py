@@ -54,10 +54,10 @@ def _identified(result: OmaResult, i: int, mode: SelectedMode) -> dict[str, Any]
         "number": str(i + 1),
         "cells": {
             "natural": _hz(mode.natural_freq_hz),
-            "natural_std": _deviation(mode.freq_std_hz, "Hz"),
+            "natural_std": _deviation(mode.freq_std_hz, mode.natural_freq_hz, "Hz"),
             "damped": _hz(float(np.imag(mode.pole)) / (2 * np.pi)),
             "damping": _percent(mode.damping_ratio),
-            "damping_std": _deviation(100 * mode.damping_std, "%"),
+            "damping_std": _deviation(100 * mode.damping_std, 100 * mode.damping_ratio, "%"),
             "orders": str(mode.orders),
             "first": str(mode.first_order),
             "mpc": f"{np.median(known):.3f}" if known.size else NONE,
@@ -67,8 +67,8 @@ def _identified(result: OmaResult, i: int, mode: SelectedMode) -> dict[str, Any]
     }
 
 
-def _deviation(value: float, unit: str) -> str:
-    return f"± {text.format_si(value, unit, digits=2)}" if np.isfinite(value) else ""
+def _deviation(value: float, of: float, unit: str) -> str:
+    return f"± {text.scatter(value, of, unit)}" if np.isfinite(value) else ""
 
 
 def _hz(frequency: float) -> str:

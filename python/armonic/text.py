@@ -178,3 +178,9 @@ def _determined(fit: Fit) -> str:
     verbs = {1: "is"}
     parts = [f"{n} {verbs.get(n, 'are')} {words[verdict]}" for verdict, n in counts.items() if n]
     return f"Of {count(total, 'parameter')}, {listing(parts)}."
+
+
+def scatter(value: float, of: float, unit: str = "", *, digits: int = 2) -> str:
+    """A standard deviation of a number; one of less than a millionth of it, which nobody should rely on, as a bound."""
+    least = 1e-6 * abs(of)
+    return format_si(value, unit, digits=digits) if value >= least else f"<{format_si(least, unit, digits=1)}"

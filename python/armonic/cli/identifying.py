@@ -96,23 +96,24 @@ def oma(
         str | None, typer.Option("--time-variable", metavar="NAME", help="Its times.", rich_help_panel=_FILE)
     ] = None,
     orders: Annotated[
-        str,
+        str | None,
         typer.Option(
             "--orders",
             metavar="LOW:HIGH[:STEP]",
-            help="Model orders: lags of var, states of ssi.",
+            help="Model orders: lags of var, states of ssi. Default: 2:100, or what the samples are good for.",
             rich_help_panel=_HOW,
         ),
-    ] = "2:100",
+    ] = None,
     method: Annotated[
         str,
         typer.Option(
             "--method",
-            metavar="var|ssi",
-            help="Vector autoregression, or covariance-driven subspaces.",
+            metavar="auto|var|ssi",
+            help="Vector autoregression, or covariance-driven subspaces. auto: var for a free decay, ssi for a"
+            " response to lasting excitation.",
             rich_help_panel=_HOW,
         ),
-    ] = "var",
+    ] = "auto",
     band: Annotated[
         str | None,
         typer.Option("--band", metavar="LOW:HIGH", help="Natural frequencies to look at, Hz.", rich_help_panel=_HOW),
@@ -181,8 +182,8 @@ def oma(
     """
     asked: dict[str, Any] = {
         "channels": _words(channels),
-        "orders": _orders(orders),
-        "method": arguments.choice("--method", method, ("var", "ssi")),
+        "orders": None if orders is None else _orders(orders),
+        "method": arguments.choice("--method", method, ("auto", "var", "ssi")),
         "detrend": arguments.choice("--detrend", detrend, ("auto", "none", "mean", "linear", "rest")),
         "decimate": decimate,
         "band_hz": None if band is None else span("--band", band, "frequency"),
@@ -206,6 +207,10 @@ def oma(
     reading = {"variable": variable, "time_variable": time_variable}
     series = _read(file, rate, {name: word for name, word in reading.items() if word is not None})
     asked["window"] = _window(window, series)
+    if robot is None and "robot_yaml" not in series.notes and not (no_reference or as_json):
+        remark("no model beside: the file notes no robot; --robot and --posture name one")
+    if "control" in series.notes and not as_json:
+        remark("the run was under sampled control; the model beside has it continuous")
     reference, doubt = (None, None) if no_reference else _reference(series, robot, posture, setting or ())
     try:
         result = _identify(series, asked)

@@ -12,7 +12,7 @@ import numpy as np
 from armonic.cli.refusals import error_data, refuse
 from armonic.cli.terminal import heading, line, plain, print_json, show, table, warning
 from armonic.errors import ArmonicError
-from armonic.text import count, format_duration, format_si, listing
+from armonic.text import count, format_duration, format_si, listing, scatter
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -168,10 +168,10 @@ def _modes_table(result: OmaResult) -> Table:
         grid.add_row(
             str(number),
             _figures(mode.natural_freq_hz),
-            format_si(mode.freq_std_hz, digits=2),
+            scatter(mode.freq_std_hz, mode.natural_freq_hz),
             _figures(mode.pole.imag / (2 * np.pi)),
             format_si(100 * mode.damping_ratio),
-            format_si(100 * mode.damping_std, digits=2),
+            scatter(100 * mode.damping_std, 100 * mode.damping_ratio),
             str(mode.orders),
             str(mode.first_order),
         )

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from armonic.series import TimeSeries
     from armonic.simulation.running import Run
 
+LEAST_ENERGY = 1e-18
+"""J; a force that moves nothing does less work, of which nothing has to be accounted for."""
 ENERGIES = {
     "work of forces": "work of the forces",
     "work of motors": "work of the motors",
@@ -93,7 +95,7 @@ def run_tables(series: TimeSeries, run: Run | None, context: str, what: list[str
         f" unaccounted for {format_si(spent['unaccounted'], 'J', digits=2)} at most."
     )
     size = max(abs(spent[name]) for name in ENERGIES)
-    if spent["unaccounted"] > 1e-3 * size > 0:
+    if spent["unaccounted"] > 1e-3 * size > LEAST_ENERGY:
         yield warning(
             f"the energy balance is open by {format_percent(spent['unaccounted'] / size, digits=2)}: lower --tolerance."
         )

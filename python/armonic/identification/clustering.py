@@ -40,8 +40,11 @@ LEAST_SHARE = 0.6
 """Share of the orders that hold a mode. Of a robot's decays with and without noise, modes are held by 70 to 99 % of the
 orders, chains of false poles that drift from order to order by up to two thirds of them"""
 MOST_SCATTER = 0.3
-"""A pole scatters over the orders by no more than this share of its decay rate: those of modes by 0.27 at most with 1 %
-of noise, those of false poles close to |μ| = 1, which take each other's places, by 0.3 to 0.8."""
+"""A pole scatters over the orders by no more than this share of its decay rate: of decays, those of modes by 0.27 at
+most with 1 % of noise, those of false poles close to |μ| = 1, which take each other's places, by 0.3 to 0.8."""
+SURE = 0.7
+"""What more of the orders hold is a mode, however its poles scatter: no chain was seen to last that long, and those of
+a random response scatter by as much as they are damped."""
 UNDAMPED = 1e-3
 """Motion damped by less counts as damped by this: a sine is steady although it has no decay rate."""
 CHAIN = "its poles scatter by more than 0.3 of their decay rate: a chain of false poles that drift from order to order"
@@ -100,10 +103,14 @@ def select_modes(
     least = max(3, int(np.ceil(least_share * orders - 1e-9)))
     groups = _groups(_holds(stabilization, least, int(np.ceil(1 / least_share))), least)
     found = sorted((mode_of(stabilization, group) for group in groups), key=lambda mode: mode.natural_freq_hz)
-    steady = [m for m in found if pole_scatter(m) <= MOST_SCATTER * max(-m.pole.real, UNDAMPED * abs(m.pole))]
+    steady = [mode for mode in found if mode.orders >= SURE * orders or _steady(mode)]
     chosen = without_combinations(steady) if combinations else Selection(tuple(steady))
     chains = tuple(rejected_for(mode, CHAIN) for mode in found if mode not in steady)
     return Selection(chosen.modes, tuple(sorted(chosen.rejected + chains, key=lambda mode: mode.natural_freq_hz)))
+
+
+def _steady(mode: SelectedMode) -> bool:
+    return pole_scatter(mode) <= MOST_SCATTER * max(-mode.pole.real, UNDAMPED * abs(mode.pole))
 
 
 @dataclass(frozen=True)

@@ -50,7 +50,7 @@ def flags(
     spindle_hz: float | None = None,
     *,
     damping_ratio: ArrayLike | None = None,
-    tolerance: float = 0.005,
+    tolerance: float = 0.01,
     width_hz: float | None = None,
 ) -> tuple[Flag, ...]:
     """Which of some frequencies are harmonics of a machine that turns while the response is measured.

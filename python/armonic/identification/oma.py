@@ -23,13 +23,14 @@ from armonic.identification.samples import checked_orders
 from armonic.identification.sharpening import sharpened
 from armonic.identification.stabilization import Criteria, Stabilization, stabilize
 from armonic.identification.subspace import covariance_ssi
+from armonic.series import TimeSeries
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from armonic.identification.poles import ModelPoles
     from armonic.identification.selection import RejectedMode, SelectedMode
-    from armonic.series import TimeSeries
+    from armonic.simulation.running import Run
 
     Array: TypeAlias = NDArray[np.float64]
 
@@ -39,8 +40,14 @@ Window = Literal["auto", "decay", "all"]
 Offset = Literal["auto", "none", "mean", "linear", "rest"]
 PREFERRED = ("motor_position", "joint_position", "acceleration", "velocity", "displacement")
 """Quantities to identify from where none is asked for; the first that the series has."""
+MOST_ORDERS, STATES_PER_CHANNEL = 100, 20
+"""Largest order where none is asked for; of subspace models, where more states than motion repeat false poles."""
+LATEST_START = 0.8
+"""Share of the samples by which forces must have come to rest for the remainder to count as a decay."""
 SPACING = 4
 """Lags of the second set are so many samples apart where nothing is asked."""
+SINE = 1e-4
+"""Nothing on a robot is damped by less than this."""
 DAMPED = 0.005
 """Damping ratio above which nothing is a harmonic: a sine has none."""
 
@@ -94,11 +101,11 @@ class OmaResult:
 
 
 def oma(
-    series: TimeSeries,
+    series: TimeSeries | Run,
     *,
     channels: str | Sequence[str] | None = None,
-    orders: range | tuple[int, int] = (2, 100),
-    method: Method = "var",
+    orders: range | tuple[int, int] | None = None,
+    method: Method | Literal["auto"] = "auto",
     window: Window | tuple[float, float] = "auto",
     detrend: Offset = "auto",
     decimate: int = 1,
@@ -120,10 +127,12 @@ def oma(
         series: the response; a channel of force, if there is one, says where the free decay begins.
         channels: what to identify from: quantities, names, labels or shell patterns; by default motor positions, or
             what else there is of motion.
-        orders: model orders: lags of an autoregression, states of a subspace model.
-        method: "var" or "ssi".
+        orders: model orders: lags of an autoregression, states of a subspace model; by default 2 to 100, or as many as
+            the samples allow, for "ssi" 20 per channel at most.
+        method: "var" or "ssi"; "auto" takes "var" for a free decay, to which it fits exactly, and "ssi" for a response
+            to lasting excitation, of which it needs fewer orders.
         window: "decay": from where the last force ends, or from the greatest response; "all"; (start, stop) in s;
-            "auto": the decay if a force acts and ends, else all.
+            "auto": from where the forces no longer change, if they do so before the end, else all.
         detrend: what is taken off each channel, see `preprocessing.detrend`; "auto": where a decay ends, else the mean.
         decimate: how many samples become one, after a low-pass filter.
         band_hz: natural frequencies that are looked at; all if not given.
@@ -143,6 +152,7 @@ def oma(
         SignalError: channels, window, orders or samples make no sense; it says the largest order that is possible.
     """
     began = time.perf_counter()
+    series = _series(series)
     _refuse_odd(method, window, detrend, selection)
     say = progress or (lambda stage: None)
     say("preparing the samples")
@@ -151,9 +161,11 @@ def oma(
     used = _without_offset(cut, detrend, taken)
     used = decimated(used, decimate)
     _refuse_constant(used)
-    listed = checked_orders(orders, step=1 if method == "var" else 2)
+    chosen_method: Method = method if method != "auto" else "var" if taken == "decay" else "ssi"
+    orders = _default_orders(used, chosen_method) if orders is None else orders
+    listed = checked_orders(orders, step=1 if chosen_method == "var" else 2)
     say(f"poles of orders {listed[0]} to {listed[-1]}")
-    models = _poles(used, method, orders, band_hz, block_rows, deviations)
+    models = _poles(used, chosen_method, orders, band_hz, block_rows, deviations)
     say("comparing orders")
     stabilization = stabilize(models, _within(criteria, band_hz))
     say("selecting modes")
@@ -168,14 +180,14 @@ def oma(
         )
         chosen = without_combinations(grid)
     inside = tuple(mode for mode in chosen.modes if _inside(mode.natural_freq_hz, band_hz))
-    apart = _spacing(used, method, listed[-1], spacing, decay=taken == "decay")
+    apart = _spacing(used, chosen_method, listed[-1], spacing, decay=taken == "decay")
     spacings = (1,) * len(inside)
     if apart > 1:
         say(f"sharpening slow modes with lags {apart} samples apart")
         slow = vector_autoregression(used.values, used.sample_rate_hz, orders=orders, band_hz=band_hz, spacing=apart)
         inside, spacings = sharpened(inside, slow, used.sample_rate_hz, apart)
     return OmaResult(
-        method=method,
+        method=chosen_method,
         series=used,
         window=taken,
         orders=(listed[0], listed[-1]),
@@ -191,7 +203,7 @@ def oma(
 
 def _refuse_odd(method: str, window: object, detrend: str, selection: str) -> None:
     for name, value, words in (
-        ("method", method, get_args(Method)),
+        ("method", method, ("auto", *get_args(Method))),
         ("detrend", detrend, get_args(Offset)),
         ("selection", selection, ("cluster", "grid")),
     ):
@@ -200,6 +212,22 @@ def _refuse_odd(method: str, window: object, detrend: str, selection: str) -> No
     if isinstance(window, str) and window not in get_args(Window):
         expected = f"one of {', '.join(get_args(Window))}, or (start, stop) in s"
         raise SignalError("window", found=repr(window), expected=expected)
+
+
+def _series(given: TimeSeries | Run) -> TimeSeries:
+    """The series, or that of a run."""
+    series = getattr(given, "series", given)
+    if not isinstance(series, TimeSeries):
+        raise SignalError("series", found=f"a {type(given).__name__}", expected="a TimeSeries, or a Run")
+    return series
+
+
+def _default_orders(series: TimeSeries, method: Method) -> tuple[int, int]:
+    """2 to 100, or what the samples and channels are good for."""
+    channels = len(series.channels)
+    if method == "ssi":
+        return 2, max(2, min(MOST_ORDERS, STATES_PER_CHANNEL * channels, len(series) // 4))
+    return 2, max(2, min(MOST_ORDERS, int(0.8 * len(series) / (channels + 1))))
 
 
 def _patterns(series: TimeSeries, channels: str | Sequence[str] | None) -> tuple[str, ...]:
@@ -224,9 +252,13 @@ def _cut(series: TimeSeries, patterns: tuple[str, ...], window: Window | tuple[f
         start, stop = window
         return chosen.window(start, stop), f"{start:g} to {stop:g} s"
     forces = [k for k, channel in enumerate(series.channels) if channel.quantity == "force"]
-    ends = bool(forces) and bool(np.any(series.values[:, forces])) and not np.any(series.values[-1, forces])
+    changes = np.flatnonzero(np.diff(series.values[:, forces], axis=0).any(axis=1)) + 1
+    # A force that stays, as a step does, leaves the robot as free as one that ends.
+    ends = changes.size > 0 and int(changes[-1]) <= len(series) * LATEST_START
     if window == "all" or (window == "auto" and not ends):
         return chosen, "all"
+    if ends:
+        return chosen.window(series.start_s + int(changes[-1]) / series.sample_rate_hz), "decay"
     shown = series.select(*chosen.labels, *(series.labels[k] for k in forces))
     return free_decay(shown).select(*chosen.labels), "decay"
 
@@ -299,7 +331,9 @@ def _harmonics(
     found = []
     for mode in modes:
         f, damping = mode.natural_freq_hz, mode.damping_ratio
-        if damping > DAMPED or f >= series.sample_rate_hz / 2:
+        if abs(damping) < SINE and not decay:
+            found.append(Flag(f, True, "no damping at all, as of a sine", math.nan))
+        elif damping > DAMPED or f >= series.sample_rate_hz / 2:
             found.append(Flag(f, False, f"damped by {100 * damping:.2g} %", math.nan))
         else:
             found.extend(flags(series, [f], spindle_hz, damping_ratio=[damping]))

@@ -231,6 +231,11 @@ def _reference(reference: Modes | None, what: What, band_hz: tuple[float, float]
 def _axis(poles: _Poles, lines: Array, log: bool | None) -> dict[str, Any]:
     """Type, range and ticks along x, for the lines; with less than two for the stable poles, then for all."""
     shown = lines[np.isfinite(lines) & (lines > 0)]
+    # What was not selected should be seen as well, but for what lies far out.
+    stable = poles.x[poles.stable.at]
+    stable = stable[np.isfinite(stable) & (stable > 0)]
+    if stable.size:
+        shown = np.concatenate([shown, np.quantile(stable, [0.05, 0.95])])
     for others in (poles.stable.at, np.flatnonzero(poles.inside)):
         if shown.size < 2:
             shown = np.concatenate([shown, poles.x[others]])

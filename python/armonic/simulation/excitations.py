@@ -83,6 +83,13 @@ class Excitation:
 
     def on(self, robot: Robot, duration_s: float) -> CoreExcitation:
         """Frame, direction, whether it turns with the frame, and waveform, as the core takes them."""
+        begins = float(getattr(self, "start_s", 0.0))
+        if begins >= duration_s:
+            raise SimulationError(
+                f"{self.name}.start_s",
+                found=f"{begins:g} s in a run of {duration_s:g} s",
+                expected="a start before its end",
+            )
         moment, axis, world = _AXIS.fullmatch(self.axis).groups()  # type: ignore[union-attr]  # checked when made
         direction = [0.0] * 6
         direction["xyz".index(axis) + (3 if moment else 0)] = 1.0
@@ -239,14 +246,15 @@ class BandNoise(Excitation):
         rms: effective value, N or N m.
         low_hz: lower end of the band.
         high_hz: upper end.
-        seed: of the random numbers; the same seed, band and duration give the same noise.
+        seed: of the random numbers; the same seed, band and duration give the same noise. None: the place among the
+            excitations of a run, so that several are independent.
         start_s: when it begins.
     """
 
     rms: float
     low_hz: float
     high_hz: float
-    seed: int = 0
+    seed: int | None = None
     start_s: float = 0.0
 
     name: ClassVar[str] = "BandNoise"
@@ -278,7 +286,7 @@ class BandNoise(Excitation):
                 expected="a band with at least one line, one over the duration apart",
                 hint="Widen the band or lengthen the run.",
             )
-        random = np.random.default_rng(self.seed)
+        random = np.random.default_rng(0 if self.seed is None else self.seed)
         spectrum = np.zeros(len(lines), np.complex128)
         spectrum[inside] = random.normal(size=(2, int(inside.sum()))).T @ [1, 1j]
         values = np.fft.irfft(spectrum, count)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal, TypeAlias, TypedDict, get_args
 
 import numpy as np
@@ -15,7 +15,7 @@ from armonic.linear import linearize
 from armonic.loads import WrenchAxes, load_of
 from armonic.simulation.assembly import Assembly, assemble, start_state
 from armonic.simulation.control import SampledControl
-from armonic.simulation.excitations import MAX_SAMPLES, Excitation
+from armonic.simulation.excitations import MAX_SAMPLES, BandNoise, Excitation
 from armonic.simulation.implicit import run_implicit
 from armonic.simulation.signals import signals
 from armonic.simulation.stability_region import longest_stable_step
@@ -230,7 +230,10 @@ def acting_of(given: Excitation | Sequence[Excitation]) -> tuple[Excitation, ...
         if not isinstance(one, Excitation):
             expected = "Impulse, HammerPulse, Step, Sine, Sweep, BandNoise or MeasuredForce"
             raise SimulationError("excitations", found=repr(one), expected=expected)
-    return acting
+    return tuple(
+        replace(one, seed=place) if isinstance(one, BandNoise) and one.seed is None else one
+        for place, one in enumerate(acting)
+    )
 
 
 def samples_of(duration_s: float, sample_rate_hz: float) -> tuple[int, float]:
