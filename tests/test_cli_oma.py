@@ -199,7 +199,9 @@ def test_a_file_without_a_rate_is_told_one(armonic: Armonic, tmp_path: Path) -> 
     path = tmp_path / "bare.csv"
     t = np.arange(2000) / 500
     rows = np.exp(-1.5 * t) * np.cos(2 * np.pi * 20 * t)
-    path.write_text("a,b\n" + "\n".join(f"{x:.9g},{-0.5 * x:.9g}" for x in rows) + "\n", "utf-8")
+    path.write_text(
+        "a,b\n" + "\n".join(f"{x:.9g},{y:.9g}" for x, y in zip(rows, np.roll(rows, 7), strict=True)) + "\n", "utf-8"
+    )
     assert "--rate" in armonic("oma", path, "--orders", "2:8").error
     run = armonic("oma", path, "--orders", "2:8", "--rate", "0.5kHz", "--detrend", "none", "--json").json
     assert run["sample_rate_hz"] == 500.0
@@ -216,7 +218,7 @@ def test_a_file_without_a_rate_is_told_one(armonic: Armonic, tmp_path: Path) -> 
         (("--orders", "0:5"), "--orders 0:5: found '0'"),
         (("--orders", "2:900"), "--orders: found order 900"),
         (("--orders", "two:5"), "found 'two'"),
-        (("--method", "era"), "one of var, ssi"),
+        (("--method", "era"), "one of auto, var, ssi"),
         (("--window", "x"), "START:STOP"),
         (("--window", "2:1"), "a start before the stop"),
         (("--window", "9:10"), "--window: found no sample"),

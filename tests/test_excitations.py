@@ -164,3 +164,13 @@ def test_several_forces_add_up_and_keep_their_names() -> None:
     one = am.simulate(scompi(), "c8", [twice, am.Step(axis="x", frame="link_4", force=3.0)], duration_s=0.3)
     found, expected = (run.series.select("motor_position").values for run in (both, one))
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-13)
+
+
+def test_a_measured_force_is_taken_in_its_unit() -> None:
+    channels = (am.Channel("tool.z", "force", "kN"), am.Channel("tool.z", "displacement", "mm"))
+    series = am.TimeSeries(np.ones((50, 2)), 100.0, channels)
+    force = am.MeasuredForce.of(series, "force", axis="z")
+    assert force.samples == pytest.approx(np.full(50, 1000.0))
+    for axis, channel in (("rx", "force"), ("z", "displacement")):
+        with pytest.raises(am.SimulationError, match="or a multiple of it"):
+            am.MeasuredForce.of(series, channel, axis=axis)

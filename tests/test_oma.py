@@ -115,6 +115,31 @@ def test_spaced_lags_sharpen_close_modes_and_add_none() -> None:
     assert spacing[2] == 1  # 23 Hz lies above half of 33 Hz, where poles of spaced lags fold
 
 
+def test_a_pulse_between_two_samples_still_says_when_the_robot_is_free() -> None:
+    hit = am.HammerPulse(axis="z0", force=800, duration_s=0.002)
+    series = am.simulate(am.load("huynh_3r"), {}, hit, duration_s=4, sample_rate_hz=200).series
+    assert not series["force"].any()
+    result = am.oma(series, channels="acceleration")
+    assert result.window == "decay"
+    assert result.series.start_s == pytest.approx(0.205)
+    pairs = am.compare(result, am.modes(am.load("huynh_3r"), {})).pairs
+    assert [pair.index_b for pair in pairs] == [0, 1, 2]
+    assert max(abs(pair.freq_difference) for pair in pairs) < 1e-3
+
+
+def test_a_step_is_a_decay_from_where_it_sets_in() -> None:
+    series = am.simulate(am.load("scompi"), "c8", am.Step(axis="y0", force=20), duration_s=2).series
+    result = am.oma(series)
+    assert (result.window, result.series.start_s) == ("decay", pytest.approx(0.2))
+    assert result.method == "var"
+
+
+def test_a_run_stands_for_its_series_and_lasting_noise_calls_for_subspaces() -> None:
+    noise = am.BandNoise(axis="y0", rms=5, low_hz=1, high_hz=300)
+    run = am.simulate(am.load("scompi"), "c8", noise, duration_s=2)
+    assert am.oma(run).method == "ssi"
+
+
 def test_each_stage_is_told() -> None:
     heard: list[str] = []
     am.oma(decay(), orders=(2, 12), progress=heard.append)
@@ -138,7 +163,9 @@ def nan_at(series: am.TimeSeries, sample: int, column: int) -> am.TimeSeries:
 @pytest.mark.parametrize(
     ("change", "options", "words"),
     [
-        pytest.param(lambda s: s.window(0, 0.5), {"orders": (2, 60)}, "at most 25", id="too few samples"),
+        pytest.param(
+            lambda s: s.window(0, 0.5), {"orders": (2, 60), "method": "var"}, "at most 25", id="too few samples"
+        ),
         pytest.param(lambda s: nan_at(s, 40, 1), {}, r"motor_position:m1.*0\.2 s", id="NaN"),
         pytest.param(
             lambda s: s.with_values(s.values * [1, 0, 1] + [0, 2, 0]),
@@ -148,7 +175,7 @@ def nan_at(series: am.TimeSeries, sample: int, column: int) -> am.TimeSeries:
         ),
         pytest.param(lambda s: s, {"channels": "motor_positon"}, "Did you mean motor_position", id="typing error"),
         pytest.param(lambda s: s, {"orders": (9, 3)}, "ascending positive integers", id="orders backwards"),
-        pytest.param(lambda s: s, {"method": "era"}, "one of var, ssi", id="method"),
+        pytest.param(lambda s: s, {"method": "era"}, "one of auto, var, ssi", id="method"),
         pytest.param(lambda s: s, {"window": "free"}, "one of auto, decay, all", id="window word"),
         pytest.param(lambda s: s, {"window": (90.0, 99.0)}, "no sample", id="window beyond"),
         pytest.param(lambda s: s, {"detrend": "median"}, "one of auto", id="detrend"),

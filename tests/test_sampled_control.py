@@ -190,3 +190,14 @@ def test_gravity_is_held_by_feed_forward_until_the_first_torque_acts() -> None:
     robot = driven_hinge(inertia=1.0, mass=20.0, com=0.4, control={"kp": 8000.0, "kd": 300.0})
     run = am.simulate(robot, [0.7], duration_s=0.1, control=am.SampledControl(rate_hz=500.0, delay_s=0.05))
     np.testing.assert_allclose(run["motor_torque"], -20 * G * 0.4 * math.sin(0.7), rtol=1e-9)
+
+
+SAGGING = "control: {kp: 15000, kd: 52, ki: 3000, feedforward: false}"
+
+
+def test_a_static_start_is_at_rest_under_a_computer_too() -> None:
+    late = am.SampledControl(rate_hz=1000, delay_s=0.002, velocity="measured")
+    text = am.load("scompi").to_yaml().replace("control: {kp: 15000, kd: 52}", SAGGING)
+    sagging = am.Robot.from_yaml(text)
+    run = am.simulate(sagging, "c8", duration_s=0.1, equilibrium="static", control=late)
+    assert np.ptp(run.series.select("joint_position").values, axis=0).max() < 1e-9

@@ -54,6 +54,10 @@ def test_a_converter_that_saturates_stops_at_half_its_range() -> None:
     assert seen.values[:, 0].tolist() == [-4, 0, 0, 3]  # two's complement: one step less above than below
 
 
+def low(cutoff_hz: float, order: int, kind: Any = "butterworth") -> TimeSeries:
+    return measure(sine(1, samples=20), {"*": Sensor(anti_alias=AntiAlias(cutoff_hz, "hz", order, kind))})
+
+
 @pytest.mark.parametrize("order", [2, 4, 7])
 @pytest.mark.parametrize("share", [0.5, 0.8])
 def test_a_butterworth_filter_attenuates_as_its_closed_form_says(order: int, share: float) -> None:
@@ -150,8 +154,41 @@ def test_the_last_pattern_that_matches_counts_and_other_channels_are_only_sample
         (lambda: measure(sine(1), seed=-1), "seed"),
         (lambda: measure(sine(1), {"*": Sensor(anti_alias=AntiAlias(5000, "hz"))}), "less than 5000 Hz"),
         (lambda: measure(sine(1).with_values([[np.nan]])), "found nan"),
+        (lambda: Sensor(noise="a"), "Sensor.noise: found 'a'"),  # type: ignore[arg-type]
+        (lambda: Sensor(noise_std=[1]), r"Sensor.noise_std: found \[1\]"),  # type: ignore[arg-type]
+        (lambda: Sensor(full_range="a"), "Sensor.full_range: found 'a'"),  # type: ignore[arg-type]
+        (lambda: Sensor(bits=True), "Sensor.bits: found True"),
+        (lambda: Sensor(saturates="no"), "Sensor.saturates: found 'no'"),  # type: ignore[arg-type]
+        (lambda: Sensor(anti_alias=0.8), "Sensor.anti_alias: found 0.8"),  # type: ignore[arg-type]
+        (lambda: AntiAlias("a"), "AntiAlias.cutoff: found 'a'"),  # type: ignore[arg-type]
+        (lambda: AntiAlias(order=True), "AntiAlias.order: found True"),
+        (lambda: measure(sine(1), {"*": 3}), r"sensors: found 3 for '\*'"),  # type: ignore[dict-item]
+        (lambda: measure(sine(1), {3: Sensor()}), "sensors: found Sensor"),  # type: ignore[dict-item]
+        (lambda: measure(sine(1), [Sensor()]), "expected a Sensor by pattern"),  # type: ignore[arg-type]
+        (lambda: measure(sine(1), decimation=True), "decimation: found True"),
+        (lambda: low(1e-9, 12), "found 1e-09 Hz, so low that rounding spoils the filter"),
+        (lambda: low(1e-5, 12), "rounding spoils"),
+        (lambda: low(1e-300, 1), "rounding spoils"),
     ],
 )
 def test_sensors_that_make_no_sense_are_refused(call: Any, message: str) -> None:
     with pytest.raises(SignalError, match=message):
         call()
+
+
+@pytest.mark.parametrize("kind", ["butterworth", "bessel"])
+@pytest.mark.parametrize("cutoff_hz", [1e-12, 1e-9, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 0.1])
+@pytest.mark.parametrize("order", [1, 2, 5, 12])
+def test_a_filter_of_any_low_cutoff_either_keeps_a_constant_or_is_refused(
+    order: int, cutoff_hz: float, kind: str
+) -> None:
+    truth = TimeSeries(np.full((50, 1), 7.0), 1000.0, (ANGLE,))
+    sensors = {"*": Sensor(anti_alias=AntiAlias(cutoff_hz, "hz", order, kind))}  # type: ignore[arg-type]
+    if cutoff_hz >= 0.1:  # 1/10000 of the rate: rounding is amplified by its square, to 1e-8
+        np.testing.assert_allclose(measure(truth, sensors).values, 7, rtol=1e-6)
+        return
+    try:
+        seen = measure(truth, sensors).values
+    except SignalError:
+        return
+    np.testing.assert_allclose(seen, 7, rtol=2e-3)  # a filter off by 1e-3 still passes

@@ -20,8 +20,8 @@ type Array<'py> = PyReadonlyArrayDyn<'py, f64>;
 type Out<'py> = PyResult<Bound<'py, PyArrayDyn<f64>>>;
 /// Frame, direction, own axes, kind of waveform, its numbers, its samples.
 type ExcitationArgument = (usize, [f64; 6], bool, String, Vec<f64>, Vec<f64>);
-/// Period, delay, velocities by differences, encoder steps, motor positions of the reference.
-type SampledArgument = (f64, f64, bool, Vec<f64>, Vec<f64>);
+/// Period, delay, velocities by differences, encoder steps, motor positions of the reference, torques at the start.
+type SampledArgument = (f64, f64, bool, Vec<f64>, Vec<f64>, Vec<f64>);
 /// Rows, ending, time and body of it, steps, steps taken back, evaluations.
 type RunResult<'py> = (Bound<'py, PyArrayDyn<f64>>, &'static str, f64, usize, usize, usize, usize);
 
@@ -129,12 +129,13 @@ impl Plant {
         progress: Option<Py<PyAny>>,
     ) -> PyResult<RunResult<'py>> {
         let start = numbers("start", &start, &[None])?;
-        let sampled = sampled.map(|(period, delay, difference, resolution, motor_reference)| Sampled {
+        let sampled = sampled.map(|(period, delay, difference, resolution, motor_reference, held)| Sampled {
             period,
             delay,
             difference,
             resolution,
             motor_reference,
+            held,
         });
         let absolute = numbers("absolute", &absolute, &[None])?;
         let settings = Settings { longest, step, samples, relative, absolute, sampled };

@@ -18,6 +18,8 @@ pub struct Sampled {
     pub resolution: Vec<f64>,
     /// Motor positions of the reference, on which the encoders' steps lie.
     pub motor_reference: Vec<f64>,
+    /// Torques that act until the first instant's do, N m.
+    pub held: Vec<f64>,
 }
 
 /// Sampled control as it goes on: what it has seen, and the torques that wait to act.
@@ -31,9 +33,11 @@ pub(crate) struct Computer<'a> {
 }
 
 impl<'a> Computer<'a> {
-    pub(crate) fn new(plant: &Plant, sampled: &'a Sampled) -> Self {
-        let (integrals, held) = (vec![0.0; plant.law.integrating.len()], plant.law.feedforward.clone());
-        Self { sampled, count: 0, seen: None, integrals, waiting: Vec::new(), held }
+    /// Begins with the integrals of the state y.
+    pub(crate) fn new(plant: &Plant, sampled: &'a Sampled, y: &[f64]) -> Self {
+        let z = plant.bodies();
+        let integrals = y[2 * z..2 * z + plant.law.integrating.len()].to_vec();
+        Self { sampled, count: 0, seen: None, integrals, waiting: Vec::new(), held: sampled.held.clone() }
     }
 
     /// Torques that act from the instant `t` on, after what is due has been sampled.

@@ -125,9 +125,12 @@ pub fn simulate(
     }
     crate::mechanism::finite("start", start.iter().copied())?;
     if let Some(sampled) = &settings.sampled {
-        for (what, got) in
-            [("encoder steps", sampled.resolution.len()), ("motor reference", sampled.motor_reference.len())]
-        {
+        let lengths = [
+            ("encoder steps", sampled.resolution.len()),
+            ("motor reference", sampled.motor_reference.len()),
+            ("held torques", sampled.held.len()),
+        ];
+        for (what, got) in lengths {
             if got != plant.motors.len() {
                 return Err(Error::Length { what, needed: plant.motors.len(), got });
             }
@@ -144,7 +147,7 @@ pub fn simulate(
         run: Run { rows: Vec::new(), ending: Ending::Complete, steps: 0, rejected: 0, evaluations: 0 },
     };
     walk.run.rows.reserve(settings.samples * row_length(plant));
-    let mut computer = settings.sampled.as_ref().map(|sampled| Computer::new(plant, sampled));
+    let mut computer = settings.sampled.as_ref().map(|sampled| Computer::new(plant, sampled, start));
     for piece in breaks.windows(2) {
         let held = computer.as_mut().map(|computer| computer.at(plant, piece[0], &walk.y).to_vec());
         if let Some(ending) = walk.cross(piece[0], piece[1], held.as_deref(), go_on)? {

@@ -179,6 +179,6 @@ class Plant:
         samples: int,
         relative: float,
         absolute: _Real,
-        sampled: tuple[float, float, bool, Sequence[float], Sequence[float]] | None,
+        sampled: tuple[float, float, bool, Sequence[float], Sequence[float], Sequence[float]] | None,
         progress: Callable[[float], object] | None,
     ) -> tuple[_Real, Literal["complete", "diverged", "stalled", "interrupted"], float, int, int, int, int]: ...

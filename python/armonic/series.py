@@ -39,6 +39,8 @@ QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
 
 ROBOT_FILE = "robot_yaml"
 """The note that holds a whole robot file: too long for a table."""
+FREE_FROM = "free_from_s"
+"""The note that says from when on forces no longer change, in s of the series."""
 UNEVEN = 0.02
 """A sample may lie this share of a step beside its place: files round their times."""
 

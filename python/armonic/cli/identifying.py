@@ -207,16 +207,16 @@ def oma(
     reading = {"variable": variable, "time_variable": time_variable}
     series = _read(file, rate, {name: word for name, word in reading.items() if word is not None})
     asked["window"] = _window(window, series)
-    if robot is None and "robot_yaml" not in series.notes and not (no_reference or as_json):
-        remark("no model beside: the file notes no robot; --robot and --posture name one")
-    if "control" in series.notes and not as_json:
-        remark("the run was under sampled control; the model beside has it continuous")
     reference, doubt = (None, None) if no_reference else _reference(series, robot, posture, setting or ())
     try:
         result = _identify(series, asked)
     except KeyboardInterrupt:
         remark("interrupted: nothing was written")
         raise
+    if robot is None and "robot_yaml" not in series.notes and not (no_reference or as_json):
+        remark("no model beside: the file notes no robot; --robot and --posture name one")
+    if "control" in series.notes and not as_json:
+        remark("the run was under sampled control; the model beside has it continuous")
     from armonic.cli.oma_results import deliver_oma
 
     return deliver_oma(result, reference, output, report, source=file, doubt=doubt, as_json=as_json)

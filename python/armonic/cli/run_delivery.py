@@ -35,7 +35,10 @@ def check_series_output(option: str, path: Path, *, force: bool, sources: Iterab
         if not force:
             expected, hint = "a new name", "Use --force to overwrite it."
             raise UsageError(f"{option} {path}", found="a folder that exists", expected=expected, hint=hint)
-        return  # that it holds a time series is for the writer to see
+        from armonic.files.series_zarr import refuse_other_zarr
+
+        refuse_other_zarr(path)
+        return
     check_output(option, path, force=force, sources=sources)
 
 

@@ -26,6 +26,7 @@ def settle(
     *,
     stated_hz: float | None = None,
     asked_hz: float | None = None,
+    own_start_s: float | None = None,
     place: Callable[[int], str] | None = None,
 ) -> tuple[float, float]:
     """The time of the first sample in s and the sampling rate in Hz, from all that is known of them.
@@ -37,6 +38,8 @@ def settle(
         times_s: (samples,) as the file has them.
         stated_hz: the rate as the file has it.
         asked_hz: the rate as the user has it.
+        own_start_s: the start as a file of ours states it. Its times may then be as coarse as numbers of their size
+            are, even several alike, as long as each is that of its sample.
         place: where in the file the sample of an index stands.
 
     Raises:
@@ -56,6 +59,8 @@ def settle(
         if rate is None:
             raise DataFileError(str(path), found="no times and no sampling rate", expected="either", hint=_NO_RATE)
         return (0.0 if times_s is None else float(times_s[0])), rate
+    if own_start_s is not None and rate is not None and _are_of(times_s, own_start_s, rate):
+        return own_start_s, rate
     try:
         start_s, from_times = even_sampling(times_s)
     except SignalError as error:
@@ -105,6 +110,14 @@ def plain(text: str) -> str:
 def guessed(unit: str) -> Quantity:
     """The quantity that has such a unit, where only one does."""
     return _BY_UNIT.get(unit, "signal")
+
+
+def _are_of(times_s: Array, start_s: float, rate: float) -> bool:
+    """Whether times are those of the samples, up to the rounding of numbers of that size."""
+    with np.errstate(all="ignore"):  # what overflows is not finite, and so no such time
+        off = np.abs(times_s - (start_s + np.arange(times_s.size) / rate))
+        # The sum rounds by half a unit in the last place of the largest, and so may that of another program.
+        return bool((off <= 2 * np.spacing(np.abs(times_s).max())).all())
 
 
 def _faulty(times_s: Array) -> int:

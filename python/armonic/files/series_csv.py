@@ -47,7 +47,8 @@ def read_series_csv(path: str | Path, *, sample_rate_hz: float | None = None) ->
     if not table:
         raise DataFileError(str(path), found="no table", expected=_EXPECTED)
     about = _about(path, comments)
-    mark = next((mark for mark in (";", "\t") if mark in table[0][1]), ",")
+    foreign = (";", "\t") if not about else ()  # a name of ours may hold one of them
+    mark = next((mark for mark in foreign if mark in table[0][1]), ",")
     header = _words(f"{path}, line {table[0][0]}", table[0][1], mark)
     if all(_is_number(word, mark) for word in header):
         header = [f"column_{k}" for k in range(1, len(header) + 1)]
@@ -69,6 +70,7 @@ def read_series_csv(path: str | Path, *, sample_rate_hz: float | None = None) ->
         times,
         stated_hz=about.get("sample_rate_hz"),
         asked_hz=sample_rate_hz,
+        own_start_s=about.get("start_s"),
         place=lambda k: f"{path}, line {table[k][0]}",
     )
     channels = [_own_channel(path, word) if about else _foreign_channel(word) for word in columns]
@@ -100,7 +102,8 @@ def write_series_csv(path: str | Path, series: TimeSeries) -> None:
     writer.writerow(["time (s)", *(f"{channel.label} ({channel.unit})" for channel in series.channels)])
     for row in np.column_stack([series.time_s, series.values]):
         file.write(",".join(map(repr, row.tolist())) + "\n")
-    write_whole(path, file.getvalue().encode())
+    # Half a character, which only notes may hold, has no UTF-8; written as \udc80 it is what JSON calls it.
+    write_whole(path, file.getvalue().encode(errors="backslashreplace"))
 
 
 def _about(path: str | Path, comments: list[str]) -> dict[str, Any]:

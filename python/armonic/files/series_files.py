@@ -39,8 +39,8 @@ def read_series(path: str | Path, *, sample_rate_hz: float | None = None, **opti
 def write_series(path: str | Path, series: TimeSeries, **options: Any) -> None:
     """Write a time series, by the ending of the name: .zarr, .uff, .unv, .uf58, .csv, .txt or .mat.
 
-    Every number comes back bit for bit, except that a universal file in text keeps 13 digits of the values and no
-    notes.
+    Every number comes back bit for bit, except that a universal file in text keeps 12 or 13 digits of the values and
+    no notes.
 
     Args:
         path: the file or folder; an existing one is replaced, once all is written. A folder is replaced only if it

@@ -118,7 +118,7 @@ def _own(path: str | Path, content: dict[str, Value], asked: float | None) -> Ti
     if times.size != values.shape[0]:
         found = f"{times.size} times in t and {values.shape[0]} samples in values"
         raise DataFileError(str(path), found=found, expected="as many")
-    _, rate = settle(path, times, stated_hz=float(stated.item()), asked_hz=asked)
+    _, rate = settle(path, times, stated_hz=float(stated.item()), asked_hz=asked, own_start_s=start_s)
     return built(path, values, (start_s, rate), channels, notes)
 
 

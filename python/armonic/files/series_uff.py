@@ -32,6 +32,7 @@ _QUANTITIES: dict[int, tuple[Quantity, str]] = {
     13: ("force", "N"),
 }  # fmt: skip
 _MARK = "armonic "
+_WIDE = (1e-99, 9.9999999999995e99)  # below and from here on, numbers of 13 digits have exponents of three
 _PADDING = 6  # zeros with which some exporters fill the last line
 
 
@@ -86,8 +87,9 @@ def read_series_uff(path: str | Path, *, sample_rate_hz: float | None = None) ->
 def write_series_uff(path: str | Path, series: TimeSeries, *, binary: bool = False) -> None:
     """Write a universal file, one data set 58 of function type 1 per channel, in double precision.
 
-    Text keeps 13 digits of the values; binary keeps every bit. Rate and start come back exactly. Channels that stand
-    for an axis ("tool.x", "link_2.z") get its direction code, others none. Notes have no place in the format.
+    Text keeps 13 digits of the values, and 12 of negative ones whose exponent has three; binary keeps every bit. Rate
+    and start come back exactly. Channels that stand for an axis ("tool.x", "link_2.z") get its direction code, others
+    none. Notes have no place in the format.
 
     Args:
         path: the file; an existing one is replaced, once all is written.
@@ -144,9 +146,12 @@ def _encoded(path: str | Path, series: TimeSeries, column: int, node: int, *, bi
 
 
 def _text_values(values: Array) -> bytes:
-    full, rest = divmod(values.size, 4)
-    form = ("%20.12e" * 4 + "\n") * full + ("%20.12e" * rest + "\n" if rest else "")
-    return (form % tuple(values.tolist())).encode()
+    size = np.abs(values)
+    # These would fill all 20 columns and merge with a nan or inf ahead of them: they get a digit less.
+    wide = (values < 0) & np.isfinite(values) & ((size >= _WIDE[1]) | (size < _WIDE[0]))
+    forms = np.where(wide, "%20.11e", "%20.12e").tolist()
+    lines = ["".join(forms[k : k + 4]) for k in range(0, values.size, 4)]
+    return ("\n".join([*lines, ""]) % tuple(values.tolist())).encode()
 
 
 def _stem(name: str) -> tuple[str, int]:

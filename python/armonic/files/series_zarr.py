@@ -85,7 +85,7 @@ def write_series_zarr(path: str | Path, series: TimeSeries) -> None:
     draft = target.with_name(f".{target.name[:80]}.{secrets.token_hex(4)}.tmp")
     old = draft.with_suffix(".old")
     try:
-        _refuse_others(target)
+        refuse_other_zarr(target)
         _fill(draft, series)
         if target.exists():
             target.rename(old)
@@ -106,7 +106,7 @@ def write_series_zarr(path: str | Path, series: TimeSeries) -> None:
                 shutil.rmtree(leftover)
 
 
-def _refuse_others(target: Path) -> None:
+def refuse_other_zarr(target: Path) -> None:
     if not target.parent.is_dir():
         raise DataFileError(str(target), found=f"no folder {target.parent}", expected="a folder that exists")
     if not (target.exists() or target.is_symlink()):

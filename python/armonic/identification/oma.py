@@ -23,7 +23,7 @@ from armonic.identification.samples import checked_orders
 from armonic.identification.sharpening import sharpened
 from armonic.identification.stabilization import Criteria, Stabilization, stabilize
 from armonic.identification.subspace import covariance_ssi
-from armonic.series import TimeSeries
+from armonic.series import FREE_FROM, TimeSeries
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -44,6 +44,8 @@ MOST_ORDERS, STATES_PER_CHANNEL = 100, 20
 """Largest order where none is asked for; of subspace models, where more states than motion repeat false poles."""
 LATEST_START = 0.8
 """Share of the samples by which forces must have come to rest for the remainder to count as a decay."""
+TWINS = 1e-13
+"""Channels whose correlation is this close to one say the same; no model of both is determined."""
 SPACING = 4
 """Lags of the second set are so many samples apart where nothing is asked."""
 SINE = 1e-4
@@ -160,7 +162,7 @@ def oma(
     cut, taken = _cut(series, patterns, window)
     used = _without_offset(cut, detrend, taken)
     used = decimated(used, decimate)
-    _refuse_constant(used)
+    _refuse_idle(used)
     chosen_method: Method = method if method != "auto" else "var" if taken == "decay" else "ssi"
     orders = _default_orders(used, chosen_method) if orders is None else orders
     listed = checked_orders(orders, step=1 if chosen_method == "var" else 2)
@@ -234,6 +236,8 @@ def _patterns(series: TimeSeries, channels: str | Sequence[str] | None) -> tuple
     if isinstance(channels, str):
         return (channels,)
     if channels is not None:
+        if not isinstance(channels, Sequence):
+            raise SignalError("channels", found=repr(channels), expected="patterns of channels")
         return tuple(channels)
     quantities = {channel.quantity for channel in series.channels}
     for quantity in PREFERRED:
@@ -249,16 +253,22 @@ def _cut(series: TimeSeries, patterns: tuple[str, ...], window: Window | tuple[f
     """The channels within the window, and what the window is."""
     chosen = series.select(*patterns)
     if not isinstance(window, str):
-        start, stop = window
+        try:
+            start, stop = (float(edge) for edge in window)
+        except (TypeError, ValueError) as error:
+            raise SignalError("window", found=repr(window), expected="(start, stop) in s") from error
         return chosen.window(start, stop), f"{start:g} to {stop:g} s"
     forces = [k for k, channel in enumerate(series.channels) if channel.quantity == "force"]
     changes = np.flatnonzero(np.diff(series.values[:, forces], axis=0).any(axis=1)) + 1
     # A force that stays, as a step does, leaves the robot as free as one that ends.
-    ends = changes.size > 0 and int(changes[-1]) <= len(series) * LATEST_START
+    since = series.start_s + (int(changes[-1]) / series.sample_rate_hz if changes.size else 0.0)
+    if FREE_FROM in series.notes:  # by a simulation, whose pulses may lie between samples
+        since = max(since, float(series.notes[FREE_FROM]) - 1e-9 / series.sample_rate_hz)
+    ends = series.start_s < since <= series.start_s + LATEST_START * series.duration_s
     if window == "all" or (window == "auto" and not ends):
         return chosen, "all"
     if ends:
-        return chosen.window(series.start_s + int(changes[-1]) / series.sample_rate_hz), "decay"
+        return chosen.window(since), "decay"
     shown = series.select(*chosen.labels, *(series.labels[k] for k in forces))
     return free_decay(shown).select(*chosen.labels), "decay"
 
@@ -272,7 +282,7 @@ def _without_offset(series: TimeSeries, detrend: Offset, window: str) -> TimeSer
     return detrended(series, detrend)
 
 
-def _refuse_constant(series: TimeSeries) -> None:
+def _refuse_idle(series: TimeSeries) -> None:
     still = np.flatnonzero(np.ptp(series.values, axis=0) == 0)
     if len(still):
         raise SignalError(
@@ -281,6 +291,12 @@ def _refuse_constant(series: TimeSeries) -> None:
             expected="a signal",
             hint="Leave the channel out.",
         )
+    centred = series.values - series.values.mean(axis=0)
+    alike = np.abs(np.corrcoef(centred, rowvar=False)).reshape(len(series.channels), -1)
+    twins = np.argwhere(np.triu(alike > 1 - TWINS, 1))
+    if len(twins):
+        a, b = (series.labels[int(i)] for i in twins[0])
+        raise SignalError(b, found=f"the same signal as {a}", expected="every signal once", hint="Leave one out.")
 
 
 def _poles(

@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     Array: TypeAlias = NDArray[np.float64]
 
 
+MOST = 10_000
+"""No record is long enough for models of a higher order."""
+
+
 def checked_samples(values: ArrayLike, sample_rate_hz: float) -> Array:
     """Samples as float64 (N, m), all finite, of channels that change.
 
@@ -70,10 +74,12 @@ def checked_orders(orders: range | Sequence[int], *, step: int = 1) -> list[int]
         SignalError: no order, or they are no positive integers that ascend.
     """
     expected = "ascending positive integers: a range, or the first and last order"
-    given = list(orders) if isinstance(orders, (range, Sequence)) else None
+    given = list(orders[:100_000]) if isinstance(orders, (range, Sequence)) else None
     if not given or not all(isinstance(p, (int, np.integer)) and not isinstance(p, bool) for p in given):
         raise SignalError("orders", found=repr(orders), expected=expected)
     listed = [int(p) for p in given]
+    if max(listed) > MOST:
+        raise SignalError("orders", found=f"order {max(listed)}", expected=f"orders up to {MOST}")
     if not isinstance(orders, range):
         if len(listed) != 2:
             raise SignalError("orders", found=repr(orders), expected=expected)

@@ -25,6 +25,17 @@ if TYPE_CHECKING:
 _AXIS = re.compile(r"(r?)([xyz])(0?)")
 MAX_SAMPLES = 20_000_000
 """Of a run, of noise, or of control: more is taken for an error in a unit."""
+FORCE_UNITS = {
+    "": {"N": 1.0, "N m": 1.0},
+    "N": {"N": 1.0},
+    "mN": {"N": 1e-3},
+    "kN": {"N": 1e3},
+    "lbf": {"N": 4.4482216152605},
+    "N m": {"N m": 1.0},
+    "Nm": {"N m": 1.0},
+    "N·m": {"N m": 1.0},
+}
+"""What a measured force may be in, and its factor to SI."""
 SAMPLES_PER_PERIOD = 20
 """Noise is made so finely that straight lines between its values lose less than 1 % of its highest frequency."""
 
@@ -83,13 +94,6 @@ class Excitation:
 
     def on(self, robot: Robot, duration_s: float) -> CoreExcitation:
         """Frame, direction, whether it turns with the frame, and waveform, as the core takes them."""
-        begins = float(getattr(self, "start_s", 0.0))
-        if begins >= duration_s:
-            raise SimulationError(
-                f"{self.name}.start_s",
-                found=f"{begins:g} s in a run of {duration_s:g} s",
-                expected="a start before its end",
-            )
         moment, axis, world = _AXIS.fullmatch(self.axis).groups()  # type: ignore[union-attr]  # checked when made
         direction = [0.0] * 6
         direction["xyz".index(axis) + (3 if moment else 0)] = 1.0
@@ -333,10 +337,16 @@ class MeasuredForce(Excitation):
         Raises:
             SignalError: not exactly one channel is meant.
         """
+        unit = series.channels[series.index(channel)].unit
+        wanted = "N m" if axis.startswith("r") else "N"
+        factor = FORCE_UNITS.get(unit, {}).get(wanted)
+        if factor is None:
+            expected = f"{wanted} or a multiple of it, or no unit"
+            raise SimulationError(f"{cls.name}, channel {channel}", found=f"values in {unit!r}", expected=expected)
         return cls(
             axis=axis,
             frame=frame,
-            values=series[channel],
+            values=factor * series[channel],
             sample_rate_hz=series.sample_rate_hz,
             ends_early=ends_early,
         )

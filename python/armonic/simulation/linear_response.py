@@ -40,23 +40,30 @@ class Source:
 
     Attributes:
         push: what a unit of it does to the velocities of the coordinates, (N,).
-        generator: S, (2, 2).
+        rate: ω of S = [[0, ω], [−ω, 0]], rad/s; zero for a straight line, S = [[0, 1], [0, 0]].
         pieces: start and end of each piece, s, and w at its start; in order.
     """
 
     push: Array
-    generator: Array
+    rate: float
     pieces: list[tuple[float, float, Array]]
 
     def at(self, time_s: float) -> Array:
         """W at the start of a piece of the run; zero where no piece of its own begins or goes on."""
-        from scipy.linalg import expm
-
         last = bisect_right(self.pieces, time_s + 1e-12, key=lambda piece: piece[0]) - 1
         if last < 0 or time_s >= self.pieces[last][1] - 1e-12:
             return np.zeros(2)
         begin, _, w = self.pieces[last]
-        return np.asarray(expm(self.generator * (time_s - begin)) @ w, np.float64)
+        length = time_s - begin
+        if not self.rate:
+            return np.array([w[0] + w[1] * length, w[1]])
+        c, s = np.cos(self.rate * length), np.sin(self.rate * length)
+        return np.array([c * w[0] + s * w[1], c * w[1] - s * w[0]])
+
+    @property
+    def generator(self) -> Array:
+        """S, (2, 2)."""
+        return np.array([[0.0, self.rate], [-self.rate, 0.0]] if self.rate else [[0.0, 1.0], [0.0, 0.0]])
 
 
 def linear_response(
@@ -107,6 +114,9 @@ def linear_response(
     sources = [_source(model, excitation, (samples - 1) * step, step) for excitation in acting]
     x = _start(model, displacement, velocity)
     states, rates, forces = _walk(model, sources, x, samples, step)
+    if not np.isfinite(states).all():
+        found = "a response too large for numbers"
+        raise SimulationError(robot.name, found=found, expected="forces of this world, and a loop that is stable")
     return _series(model, acting, watched, states, rates, forces, sample_rate_hz)
 
 
@@ -177,32 +187,34 @@ def _source(model: LinearModel, excitation: Excitation, duration_s: float, step:
     force = model.loop.widened((np.array(direction) @ jacobian)[None])[0]
     factor = model.mass_factor
     push = np.asarray(np.linalg.solve(factor.T, np.linalg.solve(factor, force)), np.float64)
-    line = np.array([[0.0, 1.0], [0.0, 0.0]])
     if kind == "constant":
         begin, end, value = numbers
-        return Source(push, line, [(begin, end, np.array([value, 0.0]))])
+        return Source(push, 0.0, [(begin, end, np.array([value, 0.0]))])
     if kind in ("half-sine", "sine"):
         begin, end, size = numbers[:3]
         rate, phase = (np.pi / (end - begin), 0.0) if kind == "half-sine" else (2 * np.pi * numbers[3], numbers[4])
-        turn = np.array([[0.0, rate], [-rate, 0.0]])
-        return Source(push, turn, [(begin, end, size * np.array([np.sin(phase), np.cos(phase)]))])
+        return Source(push, rate, [(begin, end, size * np.array([np.sin(phase), np.cos(phase)]))])
     if kind == "sweep":
-        numbers, values = _sampled_sweep(numbers, step)
+        over = numbers[1]
+        numbers, values = _sampled_sweep(numbers, step, duration_s)
+    else:
+        over = np.inf
     begin, width = numbers
     slopes = np.diff(values) / width
     pieces = [
-        (begin + i * width, begin + (i + 1) * width, np.array([values[i], slope])) for i, slope in enumerate(slopes)
+        (begin + i * width, min(begin + (i + 1) * width, over), np.array([values[i], slope]))
+        for i, slope in enumerate(slopes)
     ]
-    return Source(push, line, pieces)
+    return Source(push, 0.0, pieces)
 
 
-def _sampled_sweep(numbers: list[float], step: float) -> tuple[list[float], list[float]]:
+def _sampled_sweep(numbers: list[float], step: float, duration_s: float) -> tuple[list[float], list[float]]:
     begin, end, size, low, high, logarithmic = numbers
     if end <= begin:  # it starts after the run
         return [begin, step], [0.0, 0.0]
     # Parts of a sampling time, so that few exponentials serve all of them.
     width, length = step / max(1, np.ceil(LINES_PER_PERIOD * max(low, high) * step)), end - begin
-    x = np.arange(int(np.ceil(length / width)) + 1) * width
+    x = np.arange(int(np.ceil(min(length, duration_s - begin + width) / width)) + 1) * width
     rate = np.log(high / low) / length if logarithmic and low != high else 0.0
     turns = low * np.expm1(rate * x) / rate if rate else low * x + (high - low) * x**2 / (2 * length)
     return [begin, width], (size * np.sin(2 * np.pi * turns)).tolist()
@@ -241,6 +253,6 @@ def _series(
         add(velocity[:, :n] @ rows, "velocity", names, ["m/s"] * 3)
         add(acceleration[:, :n] @ rows, "acceleration", names, ["m/s²"] * 3)
     add(forces, "force", force_names(robot, acting), [e.unit for e in acting])
-    notes = notes_of(robot, model.posture, model.q) | {"model": "linear"}
+    notes = notes_of(robot, model.posture, model.q, acting, (len(states) - 1) / sample_rate_hz) | {"model": "linear"}
     channels = tuple(channel for _, channel in columns)
     return TimeSeries(np.column_stack([values for values, _ in columns]), sample_rate_hz, channels, notes=notes)

@@ -170,7 +170,8 @@ def simulate(
         preloaded=equilibrium == "reference",
     )
     start = start_state(assembly, load, equilibrium, displacement, velocity)
-    sampled = _sampled(assembly, control, (samples - 1) * step)
+    at_rest = start_state(assembly, load, equilibrium, None, None)
+    sampled = _sampled(assembly, control, (samples - 1) * step, at_rest)
     chosen, longest = _steps(assembly, method, sampled is not None)
     asked: Asked = {
         "step": step,
@@ -187,6 +188,8 @@ def simulate(
             else assembly.plant.run(start, longest=longest, sampled=sampled, **asked)
         )
     except ArithmeticError as error:
+        if "mass matrix" not in str(error):  # of a listener
+            raise
         raise SimulationError(
             f"{robot.name}, posture {assembly.label}",
             found="a mass matrix that is not positive definite",
@@ -241,14 +244,15 @@ def samples_of(duration_s: float, sample_rate_hz: float) -> tuple[int, float]:
     for name, value in (("duration_s", duration_s), ("sample_rate_hz", sample_rate_hz)):
         if not (isinstance(value, int | float | np.number) and math.isfinite(value) and value > 0):
             raise SimulationError(name, found=repr(value), expected="a finite number above 0")
-    count = math.floor(duration_s * sample_rate_hz * (1 + 1e-12)) + 1
-    if not 2 <= count <= MAX_SAMPLES:
+    length = duration_s * sample_rate_hz * (1 + 1e-12)
+    if not 1 <= length < MAX_SAMPLES:
+        count = str(math.floor(length) + 1) if length < 1e15 else f"{length:.3g}"
         raise SimulationError(
             "duration_s",
             found=f"{duration_s:g} s at {sample_rate_hz:g} Hz, {count} samples",
             expected=f"2 to {MAX_SAMPLES} samples",
         )
-    return count, 1 / sample_rate_hz
+    return math.floor(length) + 1, 1 / sample_rate_hz
 
 
 def _refuse_odd(tolerance: float, method: str, equilibrium: str) -> None:
@@ -301,8 +305,8 @@ def _absolute(assembly: Assembly, tolerance: float) -> Array:
 
 
 def _sampled(
-    assembly: Assembly, control: SampledControl | None, duration_s: float
-) -> tuple[float, float, bool, list[float], list[float]] | None:
+    assembly: Assembly, control: SampledControl | None, duration_s: float, at_rest: Array
+) -> tuple[float, float, bool, list[float], list[float], list[float]] | None:
     if control is None:
         return None
     if not isinstance(control, SampledControl):
@@ -315,4 +319,7 @@ def _sampled(
     reference = assembly.rest.motor_position.tolist()
     difference = control.velocity == "difference"
     steps = (control.encoder_step / assembly.robot.drives.gear_ratio).tolist()
-    return 1 / control.rate_hz, control.delay_s, difference, steps, reference
+    z, loop = assembly.bodies, assembly.loop
+    held = assembly.rest.motor_torque - loop.position @ at_rest[:z]
+    held[loop.integrating] -= at_rest[2 * z : 2 * z + len(loop.integrating)]
+    return 1 / control.rate_hz, control.delay_s, difference, steps, reference, held.tolist()

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from armonic.errors import SignalError
 from armonic.series import TimeSeries
+from armonic.simulation.control import is_number
 
 if TYPE_CHECKING:
     from armonic.robot import Robot
@@ -20,6 +21,8 @@ Array = NDArray[np.float64]
 
 BITS_MAX = 52
 """Finer steps than that a double cannot hold."""
+SPOILT = 1e-3
+"""A filter may change what is constant by this share, by rounding."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +50,7 @@ class AntiAlias:
             raise SignalError("AntiAlias.unit", found=repr(self.unit), expected="share or hz")
         if self.kind not in ("butterworth", "bessel"):
             raise SignalError("AntiAlias.kind", found=repr(self.kind), expected="butterworth or bessel")
-        if not (isinstance(self.order, int) and 1 <= self.order <= 12):
+        if not _is_whole(self.order, 1, 12):
             raise SignalError("AntiAlias.order", found=repr(self.order), expected="a whole number from 1 to 12")
 
 
@@ -75,14 +78,19 @@ class Sensor:
     anti_alias: AntiAlias | None = None
 
     def __post_init__(self) -> None:
-        if self.bits is not None and not (isinstance(self.bits, int) and 1 <= self.bits <= BITS_MAX):
+        if self.bits is not None and not _is_whole(self.bits, 1, BITS_MAX):
             raise SignalError("Sensor.bits", found=repr(self.bits), expected=f"a whole number from 1 to {BITS_MAX}")
         _positive("Sensor.full_range", self.full_range)
         for name, value in (("noise", self.noise), ("noise_std", self.noise_std)):
-            if value is not None and not (math.isfinite(value) and value >= 0):
+            if value is not None and not (is_number(value) and value >= 0):
                 raise SignalError(f"Sensor.{name}", found=repr(value), expected="a number of at least 0")
         if self.noise is not None and self.noise_std is not None:
             raise SignalError("Sensor.noise_std", found="noise as well", expected="one of the two")
+        if not isinstance(self.saturates, bool):
+            raise SignalError("Sensor.saturates", found=f"{self.saturates!r:.60}", expected="true or false")
+        if not (self.anti_alias is None or isinstance(self.anti_alias, AntiAlias)):
+            found = f"{self.anti_alias!r:.60}"
+            raise SignalError("Sensor.anti_alias", found=found, expected="an AntiAlias, or None")
 
     @property
     def step(self) -> float:
@@ -129,15 +137,15 @@ def measure(
         The same channels at sample_rate_hz / decimation.
 
     Raises:
-        SignalError: a pattern matches nothing, a value is not finite, or a cut-off lies beyond the truth's Nyquist
-            frequency.
+        SignalError: a pattern matches nothing or has no Sensor, a value is not finite, or a cut-off lies beyond the
+            truth's Nyquist frequency, or so far below it that rounding spoils the filter.
     """
-    if not (isinstance(decimation, int) and 1 <= decimation <= len(series)):
+    if not _is_whole(decimation, 1, len(series)):
         expected = f"a whole number from 1 to {len(series)}"
         raise SignalError("decimation", found=repr(decimation), expected=expected)
-    if not (isinstance(seed, int) and seed >= 0):
+    if not _is_whole(seed, 0, math.inf):
         raise SignalError("seed", found=repr(seed), expected="a whole number of at least 0")
-    of_column = {column: sensor for pattern, sensor in (sensors or {}).items() for column in series.matching(pattern)}
+    of_column = {column: sensor for pattern, sensor in _checked(sensors).items() for column in series.matching(pattern)}
     rate = series.sample_rate_hz / decimation
     truth = series.finite()
     values = np.array(truth[::decimation])
@@ -153,6 +161,18 @@ def measure(
         if sensor.bits is not None:
             values[:, column] = _in_steps(values[:, column], sensor)
     return series.with_values(values, sample_rate_hz=rate)
+
+
+def _checked(sensors: Any) -> Mapping[str, Sensor]:
+    if sensors is None:
+        return {}
+    expected = 'a Sensor by pattern, such as {"motor_position": Sensor(bits=17)}'
+    if not isinstance(sensors, Mapping):
+        raise SignalError("sensors", found=f"{sensors!r:.60}", expected=expected)
+    for pattern, sensor in sensors.items():
+        if not (isinstance(pattern, str) and isinstance(sensor, Sensor)):
+            raise SignalError("sensors", found=f"{sensor!r:.60} for {pattern!r:.60}", expected=expected)
+    return sensors
 
 
 def _filtered(values: Array, rate: float, new_rate: float, wanted: AntiAlias) -> Array:
@@ -171,6 +191,14 @@ def _filtered(values: Array, rate: float, new_rate: float, wanted: AntiAlias) ->
         sos = signal.butter(wanted.order, cutoff_hz, fs=rate, output="sos")
     else:
         sos = signal.bessel(wanted.order, cutoff_hz, fs=rate, output="sos", norm="mag")
+    sums = sos.reshape(-1, 2, 3).sum(axis=2)
+    passed = np.prod(sums[:, 0] / np.where(sums[:, 1] == 0, np.inf, sums[:, 1]))  # of a constant: all of it, if exact
+    if not abs(passed - 1) <= SPOILT:
+        raise SignalError(
+            "AntiAlias.cutoff",
+            found=f"{cutoff_hz:g} Hz, so low that rounding spoils the filter",
+            expected=f"a larger share of {rate / 2:g} Hz, the Nyquist frequency of the truth",
+        )
     at_rest = signal.sosfilt_zi(sos) * values[0]  # as if the first value had stood there for ever
     filtered, _ = signal.sosfilt(sos, values, zi=at_rest)
     return np.asarray(filtered, np.float64)
@@ -184,6 +212,10 @@ def _in_steps(values: Array, sensor: Sensor) -> Array:
     return np.asarray(counts * sensor.step, np.float64)
 
 
+def _is_whole(value: object, least: float, most: float) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and least <= value <= most
+
+
 def _positive(where: str, value: float) -> None:
-    if not (math.isfinite(value) and value > 0):
+    if not (is_number(value) and value > 0):
         raise SignalError(where, found=repr(value), expected="a positive number")

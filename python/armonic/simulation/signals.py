@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from armonic.series import Channel, TimeSeries
+from armonic.series import FREE_FROM, ROBOT_FILE, Channel, TimeSeries
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from armonic.robot import Robot
     from armonic.series import Quantity
     from armonic.simulation.assembly import Assembly
-    from armonic.simulation.excitations import Excitation
+    from armonic.simulation.excitations import Excitation, Waveform
 
     Array: TypeAlias = NDArray[np.float64]
 
@@ -69,15 +69,30 @@ def signals(assembly: Assembly, rows: Array, sample_rate_hz: float, frames: Sequ
     names = force_names(assembly.robot, assembly.excitations)
     add(force[:, assembly.constant :], "force", names, [e.unit for e in assembly.excitations])
     add(energy, "energy", ENERGIES, ["J"] * len(ENERGIES))
-    notes = notes_of(assembly.robot, assembly.label, assembly.q)
+    notes = notes_of(assembly.robot, assembly.label, assembly.q, assembly.excitations, (len(rows) - 1) / sample_rate_hz)
     channels = tuple(channel for _, channel in columns)
     return TimeSeries(np.column_stack([values for values, _ in columns]), sample_rate_hz, channels, notes=notes)
 
 
-def notes_of(robot: Robot, label: str, q: Array) -> dict[str, str]:
-    """What a series says of the robot it comes from: enough to compute its modes again."""
+def notes_of(
+    robot: Robot, label: str, q: Array, excitations: Sequence[Excitation], duration_s: float
+) -> dict[str, str]:
+    """What a series says of where it comes from: enough to compute the robot's modes again, and when it was left alone.
+
+    A pulse may lie between two samples, so that the forces among the channels do not tell.
+    """
     coordinates = ", ".join(repr(float(value)) for value in q)
-    return {"robot": robot.name, "posture": label, "coordinates": coordinates, "robot_yaml": robot.to_yaml()}
+    notes = {"robot": robot.name, "posture": label, "coordinates": coordinates, ROBOT_FILE: robot.to_yaml()}
+    ends = [_last_change(excitation.waveform(duration_s)) for excitation in excitations]
+    return notes | ({FREE_FROM: repr(max(ends))} if ends and max(ends) < duration_s else {})
+
+
+def _last_change(waveform: Waveform) -> float:
+    """When a force is over, or no longer changes, s."""
+    kind, numbers, samples = waveform
+    if kind == "samples":
+        return numbers[0] + numbers[1] * (len(samples) - 1)
+    return numbers[0] if kind == "constant" and numbers[1] == np.inf else numbers[1]
 
 
 def units_of(robot: Robot, moving: NDArray[np.intp]) -> list[str]:
