@@ -56,13 +56,13 @@ if TYPE_CHECKING:
         Excitation,
         HammerPulse,
         Impulse,
-        MeasuredForce,
         Sine,
         Step,
         Sweep,
     )
     from armonic.simulation.joints import Backlash, Coulomb, Hardening
     from armonic.simulation.linear_response import linear_response
+    from armonic.simulation.measured_force import MeasuredForce
     from armonic.simulation.running import Run, simulate
     from armonic.simulation.sensors import AntiAlias, Sensor, encoders, measure
     from armonic.stability import GainMargin, gain_margins
@@ -222,10 +222,11 @@ _HOME = {
     "series": ("Channel", "TimeSeries"),
     "simulation.control": ("SampledControl",),
     "simulation.excitations": (
-        "BandNoise", "Excitation", "HammerPulse", "Impulse", "MeasuredForce", "Sine", "Step", "Sweep",
+        "BandNoise", "Excitation", "HammerPulse", "Impulse", "Sine", "Step", "Sweep",
     ),
     "simulation.joints": ("Backlash", "Coulomb", "Hardening"),
     "simulation.linear_response": ("linear_response",),
+    "simulation.measured_force": ("MeasuredForce",),
     "simulation.running": ("Run", "simulate"),
     "simulation.sensors": ("AntiAlias", "Sensor", "encoders", "measure"),
     "linear": ("LinearModel", "linearize"),

@@ -92,7 +92,7 @@ def measured_forces(
         UsageError: a text is not of that form, or a file holds no such force.
     """
     from armonic.files.series_files import read_series
-    from armonic.simulation.excitations import MeasuredForce
+    from armonic.simulation.measured_force import MeasuredForce
 
     found: list[Excitation] = []
     for text in texts:

@@ -107,6 +107,11 @@ def write_series_zarr(path: str | Path, series: TimeSeries) -> None:
 
 
 def refuse_other_zarr(target: Path) -> None:
+    """Refuse a place where something else than the Zarr folder of a time series stands.
+
+    Raises:
+        DataFileError: it does, or there is no folder for it.
+    """
     if not target.parent.is_dir():
         raise DataFileError(str(target), found=f"no folder {target.parent}", expected="a folder that exists")
     if not (target.exists() or target.is_symlink()):

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, TypeAlias
 
 import numpy as np
@@ -13,10 +12,9 @@ import numpy as np
 from armonic.errors import SimulationError
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import NDArray
 
     from armonic.robot import Robot
-    from armonic.series import TimeSeries
 
     Array: TypeAlias = NDArray[np.float64]
     Waveform: TypeAlias = tuple[str, list[float], list[float]]
@@ -25,17 +23,6 @@ if TYPE_CHECKING:
 _AXIS = re.compile(r"(r?)([xyz])(0?)")
 MAX_SAMPLES = 20_000_000
 """Of a run, of noise, or of control: more is taken for an error in a unit."""
-FORCE_UNITS = {
-    "": {"N": 1.0, "N m": 1.0},
-    "N": {"N": 1.0},
-    "mN": {"N": 1e-3},
-    "kN": {"N": 1e3},
-    "lbf": {"N": 4.4482216152605},
-    "N m": {"N m": 1.0},
-    "Nm": {"N m": 1.0},
-    "N·m": {"N m": 1.0},
-}
-"""What a measured force may be in, and its factor to SI."""
 SAMPLES_PER_PERIOD = 20
 """Noise is made so finely that straight lines between its values lose less than 1 % of its highest frequency."""
 
@@ -117,9 +104,9 @@ class Impulse(Excitation):
     name: ClassVar[str] = "Impulse"
 
     def _check(self) -> None:
-        _finite(self, "force")
-        _finite(self, "start_s", least=0.0)
-        _finite(self, "duration_s", above=0.0)
+        refuse_unless(self, "force")
+        refuse_unless(self, "start_s", least=0.0)
+        refuse_unless(self, "duration_s", above=0.0)
 
     def waveform(self, duration_s: float) -> Waveform:
         """A constant from start to end."""
@@ -143,9 +130,9 @@ class HammerPulse(Excitation):
     name: ClassVar[str] = "HammerPulse"
 
     def _check(self) -> None:
-        _finite(self, "force")
-        _finite(self, "start_s", least=0.0)
-        _finite(self, "duration_s", above=0.0)
+        refuse_unless(self, "force")
+        refuse_unless(self, "start_s", least=0.0)
+        refuse_unless(self, "duration_s", above=0.0)
 
     def waveform(self, duration_s: float) -> Waveform:
         """Half a sine from start to end."""
@@ -167,8 +154,8 @@ class Step(Excitation):
     name: ClassVar[str] = "Step"
 
     def _check(self) -> None:
-        _finite(self, "force")
-        _finite(self, "start_s", least=0.0)
+        refuse_unless(self, "force")
+        refuse_unless(self, "start_s", least=0.0)
 
     def waveform(self, duration_s: float) -> Waveform:
         """A constant without an end."""
@@ -197,8 +184,8 @@ class Sine(Excitation):
 
     def _check(self) -> None:
         for field_name in ("force", "freq_hz", "phase_rad"):
-            _finite(self, field_name)
-        _finite(self, "start_s", least=0.0)
+            refuse_unless(self, field_name)
+        refuse_unless(self, "start_s", least=0.0)
         _ends(self)
 
     def waveform(self, duration_s: float) -> Waveform:
@@ -230,10 +217,10 @@ class Sweep(Excitation):
     name: ClassVar[str] = "Sweep"
 
     def _check(self) -> None:
-        _finite(self, "force")
-        _finite(self, "start_s", least=0.0)
+        refuse_unless(self, "force")
+        refuse_unless(self, "start_s", least=0.0)
         for field_name in ("from_hz", "to_hz"):
-            _finite(self, field_name, above=0.0 if self.logarithmic else None, least=0.0)
+            refuse_unless(self, field_name, above=0.0 if self.logarithmic else None, least=0.0)
         _ends(self)
 
     def waveform(self, duration_s: float) -> Waveform:
@@ -264,10 +251,10 @@ class BandNoise(Excitation):
     name: ClassVar[str] = "BandNoise"
 
     def _check(self) -> None:
-        _finite(self, "rms", least=0.0)
-        _finite(self, "low_hz", least=0.0)
-        _finite(self, "high_hz", above=self.low_hz)
-        _finite(self, "start_s", least=0.0)
+        refuse_unless(self, "rms", least=0.0)
+        refuse_unless(self, "low_hz", least=0.0)
+        refuse_unless(self, "high_hz", above=self.low_hz)
+        refuse_unless(self, "start_s", least=0.0)
 
     def waveform(self, duration_s: float) -> Waveform:
         """Samples whose spectrum has random phases and amplitudes within the band, and nothing outside."""
@@ -297,96 +284,6 @@ class BandNoise(Excitation):
         return "samples", [self.start_s, step], (values * (self.rms / np.sqrt(np.mean(values**2)))).tolist()
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class MeasuredForce(Excitation):
-    """A force as it was measured: even samples joined by straight lines.
-
-    Attributes:
-        values: (samples,) N or N m.
-        sample_rate_hz: samples per second.
-        start_s: when the first sample acts.
-        ends_early: whether the force may end before the run, which then goes on without it.
-    """
-
-    values: ArrayLike = field(repr=False)
-    sample_rate_hz: float
-    start_s: float = 0.0
-    ends_early: bool = False
-
-    name: ClassVar[str] = "MeasuredForce"
-
-    @classmethod
-    def of(
-        cls,
-        series: TimeSeries,
-        channel: str = "force",
-        *,
-        axis: str,
-        frame: str | None = None,
-        ends_early: bool = False,
-    ) -> MeasuredForce:
-        """A channel of a time series.
-
-        Args:
-            series: the measurement; its first sample acts at the start of the run.
-            channel: name, quantity or label of one channel.
-            axis: as in `Excitation`.
-            frame: as in `Excitation`.
-            ends_early: whether the force may end before the run.
-
-        Raises:
-            SignalError: not exactly one channel is meant.
-        """
-        unit = series.channels[series.index(channel)].unit
-        wanted = "N m" if axis.startswith("r") else "N"
-        factor = FORCE_UNITS.get(unit, {}).get(wanted)
-        if factor is None:
-            expected = f"{wanted} or a multiple of it, or no unit"
-            raise SimulationError(f"{cls.name}, channel {channel}", found=f"values in {unit!r}", expected=expected)
-        return cls(
-            axis=axis,
-            frame=frame,
-            values=factor * series[channel],
-            sample_rate_hz=series.sample_rate_hz,
-            ends_early=ends_early,
-        )
-
-    def _check(self) -> None:
-        _finite(self, "sample_rate_hz", above=0.0)
-        _finite(self, "start_s", least=0.0)
-        try:
-            values = self.samples
-        except (TypeError, ValueError) as error:
-            raise SimulationError(f"{self.name}.values", found=f"{error}", expected="finite numbers") from error
-        if values.ndim != 1 or values.size < 2:
-            raise SimulationError(f"{self.name}.values", found=f"shape {values.shape}", expected="two samples or more")
-        if not np.isfinite(values).all():
-            sample = int(np.argmin(np.isfinite(values)))
-            found = f"{values[sample]} at sample {sample}"
-            raise SimulationError(f"{self.name}.values", found=found, expected="finite numbers")
-
-    @cached_property
-    def samples(self) -> Array:
-        """The values as an array, (samples,)."""
-        return np.asarray(self.values, np.float64)
-
-    def waveform(self, duration_s: float) -> Waveform:
-        """The samples.
-
-        Raises:
-            SimulationError: they end before the run does, and may not.
-        """
-        end = self.start_s + (self.samples.size - 1) / self.sample_rate_hz
-        if end < duration_s - 1.5 / self.sample_rate_hz and not self.ends_early:
-            raise SimulationError(
-                self.name,
-                found=f"a force that ends at {end:g} s",
-                expected=f"one for the whole run of {duration_s:g} s",
-                hint="Shorten the run, or say that the force may end early.",
-            )
-        return "samples", [self.start_s, 1 / self.sample_rate_hz], self.samples.tolist()
-
-
 def only_frame(robot: Robot, where: str) -> str:
     """The one frame that a robot file defines.
 
@@ -399,7 +296,8 @@ def only_frame(robot: Robot, where: str) -> str:
     return names[0]
 
 
-def _finite(excitation: Excitation, name: str, *, least: float | None = None, above: float | None = None) -> None:
+def refuse_unless(excitation: Excitation, name: str, *, least: float | None = None, above: float | None = None) -> None:
+    """Refuse a number of an excitation that is not finite, or not within its bounds."""
     value = getattr(excitation, name)
     number = isinstance(value, int | float | np.number) and not isinstance(value, bool) and math.isfinite(value)
     if number and (least is None or value >= least) and (above is None or value > above):
@@ -411,4 +309,4 @@ def _finite(excitation: Excitation, name: str, *, least: float | None = None, ab
 
 def _ends(excitation: Sine | Sweep) -> None:
     if excitation.stop_s is not None:
-        _finite(excitation, "stop_s", above=excitation.start_s)
+        refuse_unless(excitation, "stop_s", above=excitation.start_s)
