@@ -127,6 +127,12 @@ def test_a_pulse_between_two_samples_still_says_when_the_robot_is_free() -> None
     assert max(abs(pair.freq_difference) for pair in pairs) < 1e-3
 
 
+def test_a_window_after_the_last_force_is_a_decay_as_well() -> None:
+    series = decay(force=True)
+    assert am.oma(series, orders=(2, 12), window=(1.5, 5.0)).method == "var"
+    assert am.oma(series, orders=(2, 12), window=(0.5, 5.0)).method == "ssi"
+
+
 def test_a_step_is_a_decay_from_where_it_sets_in() -> None:
     series = am.simulate(am.load("scompi"), "c8", am.Step(axis="y0", force=20), duration_s=2).series
     result = am.oma(series)

@@ -159,11 +159,11 @@ def oma(
     say = progress or (lambda stage: None)
     say("preparing the samples")
     patterns = _patterns(series, channels)
-    cut, taken = _cut(series, patterns, window)
-    used = _without_offset(cut, detrend, taken)
+    cut, taken, free = _cut(series, patterns, window)
+    used = _without_offset(cut, detrend, free=free)
     used = decimated(used, decimate)
     _refuse_idle(used)
-    chosen_method: Method = method if method != "auto" else "var" if taken == "decay" else "ssi"
+    chosen_method: Method = method if method != "auto" else "var" if free else "ssi"
     orders = _default_orders(used, chosen_method) if orders is None else orders
     listed = checked_orders(orders, step=1 if chosen_method == "var" else 2)
     say(f"poles of orders {listed[0]} to {listed[-1]}")
@@ -182,7 +182,7 @@ def oma(
         )
         chosen = without_combinations(grid)
     inside = tuple(mode for mode in chosen.modes if _inside(mode.natural_freq_hz, band_hz))
-    apart = _spacing(used, chosen_method, listed[-1], spacing, decay=taken == "decay")
+    apart = _spacing(used, chosen_method, listed[-1], spacing, decay=free)
     spacings = (1,) * len(inside)
     if apart > 1:
         say(f"sharpening slow modes with lags {apart} samples apart")
@@ -197,7 +197,7 @@ def oma(
         modes=inside,
         rejected=tuple(mode for mode in chosen.rejected if _inside(mode.natural_freq_hz, band_hz)),
         channels=used.labels,
-        harmonics=_harmonics(used, inside, spindle_hz, decay=taken == "decay"),
+        harmonics=_harmonics(used, inside, spindle_hz, decay=free),
         spacing=spacings,
         seconds=time.perf_counter() - began,
     )
@@ -249,36 +249,46 @@ def _patterns(series: TimeSeries, channels: str | Sequence[str] | None) -> tuple
     return rest
 
 
-def _cut(series: TimeSeries, patterns: tuple[str, ...], window: Window | tuple[float, float]) -> tuple[TimeSeries, str]:
-    """The channels within the window, and what the window is."""
+def _cut(
+    series: TimeSeries, patterns: tuple[str, ...], window: Window | tuple[float, float]
+) -> tuple[TimeSeries, str, bool]:
+    """The channels within the window, what the window is, and whether nothing drives the robot there."""
     chosen = series.select(*patterns)
+    forces = [k for k, channel in enumerate(series.channels) if channel.quantity == "force"]
+    since = _free_from(series, forces)
     if not isinstance(window, str):
         try:
             start, stop = (float(edge) for edge in window)
         except (TypeError, ValueError) as error:
             raise SignalError("window", found=repr(window), expected="(start, stop) in s") from error
-        return chosen.window(start, stop), f"{start:g} to {stop:g} s"
-    forces = [k for k, channel in enumerate(series.channels) if channel.quantity == "force"]
+        return chosen.window(start, stop), f"{start:g} to {stop:g} s", series.start_s < since <= start
+    ends = series.start_s < since <= series.start_s + LATEST_START * series.duration_s
+    if window == "all" or (window == "auto" and not ends):
+        return chosen, "all", False
+    if ends:
+        return chosen.window(since), "decay", True
+    shown = series.select(*chosen.labels, *(series.labels[k] for k in forces))
+    return free_decay(shown).select(*chosen.labels), "decay", True
+
+
+def _free_from(series: TimeSeries, forces: list[int]) -> float:
+    """When forces have come to rest, s; the start of the series if none is known to act.
+
+    A force that stays, as a step does, leaves the robot as free as one that ends.
+    """
     changes = np.flatnonzero(np.diff(series.values[:, forces], axis=0).any(axis=1)) + 1
-    # A force that stays, as a step does, leaves the robot as free as one that ends.
     since = series.start_s + (int(changes[-1]) / series.sample_rate_hz if changes.size else 0.0)
     if FREE_FROM in series.notes:  # by a simulation, whose pulses may lie between samples
         since = max(since, float(series.notes[FREE_FROM]) - 1e-9 / series.sample_rate_hz)
-    ends = series.start_s < since <= series.start_s + LATEST_START * series.duration_s
-    if window == "all" or (window == "auto" and not ends):
-        return chosen, "all"
-    if ends:
-        return chosen.window(since), "decay"
-    shown = series.select(*chosen.labels, *(series.labels[k] for k in forces))
-    return free_decay(shown).select(*chosen.labels), "decay"
+    return since
 
 
-def _without_offset(series: TimeSeries, detrend: Offset, window: str) -> TimeSeries:
+def _without_offset(series: TimeSeries, detrend: Offset, *, free: bool) -> TimeSeries:
     if detrend == "none":
         series.finite()
         return series
     if detrend == "auto":
-        return detrended(series, "rest" if window == "decay" else "mean")
+        return detrended(series, "rest" if free else "mean")
     return detrended(series, detrend)
 
 
