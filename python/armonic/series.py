@@ -41,6 +41,8 @@ ROBOT_FILE = "robot_yaml"
 """The note that holds a whole robot file: too long for a table."""
 FREE_FROM = "free_from_s"
 """The note that says from when on forces no longer change, in s of the series."""
+ENDED = "ended"
+"""The note of a run that did not come to its end, and why."""
 UNEVEN = 0.02
 """A sample may lie this share of a step beside its place: files round their times."""
 
@@ -185,7 +187,7 @@ class TimeSeries:
         """The columns that some patterns name, in the order of the series.
 
         Args:
-            patterns: each a quantity, a channel's name, a label, or a shell pattern over labels such as "motor_*:*".
+            patterns: each a quantity, a name, a label, or a shell pattern over labels or names such as "motor_*:*".
 
         Raises:
             SignalError: a pattern matches no channel.
@@ -207,7 +209,7 @@ class TimeSeries:
         """The channels that some patterns name, in the order of the series.
 
         Args:
-            patterns: each a quantity, a channel's name, a label, or a shell pattern over labels such as "motor_*:*".
+            patterns: each a quantity, a name, a label, or a shell pattern over labels or names such as "motor_*:*".
 
         Raises:
             SignalError: there is no pattern, or one matches no channel.
@@ -374,7 +376,7 @@ def _samples(values: Any, channels: int) -> Array:
 
 def _matches(pattern: str, channels: tuple[Channel, ...]) -> list[int]:
     exact = [k for k, c in enumerate(channels) if pattern in (c.label, c.name, c.quantity)]
-    return exact or [k for k, c in enumerate(channels) if fnmatchcase(c.label, pattern)]
+    return exact or [k for k, c in enumerate(channels) if fnmatchcase(c.label, pattern) or fnmatchcase(c.name, pattern)]
 
 
 def _near(pattern: str, channels: tuple[Channel, ...]) -> str | None:

@@ -213,11 +213,15 @@ def oma(
     except KeyboardInterrupt:
         remark("interrupted: nothing was written")
         raise
+    from armonic.cli.oma_results import deliver_oma
+    from armonic.series import ENDED
+
     if robot is None and "robot_yaml" not in series.notes and not (no_reference or as_json):
         remark("no model beside: the file notes no robot; --robot and --posture name one")
+    if ENDED in series.notes and not as_json:
+        remark(f"the run did not come to its end: it {series.notes[ENDED]}")
     if "control" in series.notes and not as_json:
         remark("the run was under sampled control; the model beside has it continuous")
-    from armonic.cli.oma_results import deliver_oma
 
     return deliver_oma(result, reference, output, report, source=file, doubt=doubt, as_json=as_json)
 

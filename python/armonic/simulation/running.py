@@ -13,6 +13,7 @@ import numpy as np
 from armonic.errors import PostureError, SimulationError
 from armonic.linear import linearize
 from armonic.loads import WrenchAxes, load_of
+from armonic.series import ENDED
 from armonic.simulation.assembly import Assembly, assemble, start_state
 from armonic.simulation.control import SampledControl
 from armonic.simulation.excitations import MAX_SAMPLES, BandNoise, Excitation
@@ -197,6 +198,8 @@ def simulate(
             hint="Run `armonic check` on the robot file.",
         ) from error
     series = signals(assembly, rows, sample_rate_hz, watched)
+    if ending != "complete":
+        series = replace(series, notes={**series.notes, ENDED: f"{ending} at {at:.6g} s"})
     run = Run(
         robot=robot,
         posture=assembly.label,
