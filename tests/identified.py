@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import armonic as am
-from armonic.identification.clustering import RejectedMode, SelectedMode
 from armonic.identification.harmonics import Flag
 from armonic.identification.poles import ModelPoles
+from armonic.identification.selection import RejectedMode, SelectedMode
 from armonic.identification.stabilization import Criteria, stabilize
 from armonic.series import Channel, TimeSeries
 

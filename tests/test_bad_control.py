@@ -2,30 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import armonic as am
-from armonic import cli
 from closed_loops import driven_hinge, with_control
-from command_line import WIDTH, Armonic, Run
+from command_line import WIDTH, Run
 from models import random_driven_robot
 from published import SCOMPI
 
 WRENCH = [10.0, 0, 0, 0, 0, 0]
-
-
-@pytest.fixture
-def armonic(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Armonic:
-    monkeypatch.setenv("COLUMNS", str(WIDTH))
-
-    def run(*words: str | Path) -> Run:
-        code = cli.main([str(word) for word in words])
-        return Run(code, *capsys.readouterr())
-
-    return run
 
 
 def rows(run: Run) -> list[list[str]]:

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import armonic as am
-from armonic import cli
 from armonic.cli import demo
 from command_line import EXAMPLES, MEASURED, START, TRUE, WIDTH, Armonic, Run, files
 from published import HUYNH_3R, KUKA_KR90
@@ -29,17 +28,6 @@ frames:
 postures: {bent: [0.3, 0.7]}
 """
 """Moves in the x-z plane; along y the tip stands still but for rounding."""
-
-
-@pytest.fixture
-def armonic(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Armonic:
-    monkeypatch.setenv("COLUMNS", str(WIDTH))
-
-    def run(*words: str | Path) -> Run:
-        code = cli.main([str(word) for word in words])
-        return Run(code, *capsys.readouterr())
-
-    return run
 
 
 def process(*words: str, code: str | None = None) -> subprocess.CompletedProcess[str]:

@@ -11,20 +11,9 @@ import xarray as xr
 
 import armonic as am
 from armonic import cli
-from command_line import WIDTH, Armonic, Run, files
+from command_line import WIDTH, Armonic, files
 
-
-@pytest.fixture
-def armonic(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Armonic:
-    """The command, run in an empty folder."""
-    monkeypatch.setenv("COLUMNS", str(WIDTH))
-    monkeypatch.chdir(tmp_path)
-
-    def run(*words: str | Path) -> Run:
-        code = cli.main([str(word) for word in words])
-        return Run(code, *capsys.readouterr())
-
-    return run
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 def test_map_of_the_table_has_the_ranges_of_section_4_2(armonic: Armonic, tmp_path: Path) -> None:

@@ -13,22 +13,11 @@ from scipy import signal
 import armonic as am
 from armonic import cli
 from armonic.files.modal_table import read_modal_table
-from command_line import WIDTH, Armonic, Run, files
+from command_line import WIDTH, Armonic, files
 from published import SCOMPI
 
 ORDERS = ("--orders", "2:14")
 PRINTED = SCOMPI.printed_table_5[1]
-
-
-@pytest.fixture
-def armonic(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Armonic:
-    monkeypatch.setenv("COLUMNS", str(WIDTH))
-
-    def run(*words: str | Path) -> Run:
-        code = cli.main([str(word) for word in words])
-        return Run(code, *capsys.readouterr())
-
-    return run
 
 
 @pytest.fixture(scope="module")

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 import armonic as am
-from armonic import cli
 from armonic.updating.planning import plan_measurement
-from command_line import MEASURED, TRUE, WIDTH, Armonic, Run, files
+from command_line import MEASURED, TRUE, WIDTH, Armonic, files
 
 SAMPLE = (
     "--sample", "carousel.z=-30deg:30deg", "--sample", "link_arm.z=40deg:100deg", "--sample", "arm.z=-130deg:-70deg",
@@ -20,17 +19,7 @@ SAMPLE = (
 POSTURES = ("--candidates", "0,70deg,-100deg", "--candidates", "milling", "--candidates", "20deg,50deg,-80deg")
 
 
-@pytest.fixture
-def armonic(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Armonic:
-    """The command, run in an empty folder."""
-    monkeypatch.setenv("COLUMNS", str(WIDTH))
-    monkeypatch.chdir(tmp_path)
-
-    def run(*words: str | Path) -> Run:
-        code = cli.main([str(word) for word in words])
-        return Run(code, *capsys.readouterr())
-
-    return run
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 def test_plan_after_a_measured_file_prints_intervals_before_and_after_in_80_columns(armonic: Armonic) -> None:

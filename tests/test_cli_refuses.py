@@ -7,23 +7,12 @@ from pathlib import Path
 import pytest
 
 import armonic as am
-from armonic import cli
-from command_line import MEASURED, START, TRUE, WIDTH, Armonic, Run, files
+from command_line import MEASURED, START, TRUE, Armonic, Run, files
 
 UPDATE = ("update", TRUE, MEASURED, "-o", "new.yaml")
 
 
-@pytest.fixture
-def armonic(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Armonic:
-    """The command, run in an empty folder."""
-    monkeypatch.setenv("COLUMNS", str(WIDTH))
-    monkeypatch.chdir(tmp_path)
-
-    def run(*words: str | Path) -> Run:
-        code = cli.main([str(word) for word in words])
-        return Run(code, *capsys.readouterr())
-
-    return run
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 @pytest.mark.parametrize(

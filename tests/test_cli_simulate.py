@@ -16,7 +16,7 @@ from armonic import cli
 from armonic.cli import motions
 from armonic.errors import ArmonicError
 from armonic.simulation import running
-from command_line import WIDTH, Armonic, Run, files
+from command_line import WIDTH, Armonic, files
 from simulated import HIT, scompi
 
 PAPER = ("simulate", "scompi", "--posture", "c8", "--impulse", "y0:50N:6ms", "--set", "tool.mass=4")
@@ -34,17 +34,6 @@ frames:
 postures: {rest: [0]}
 """
 MASS, DAMPING, STIFFNESS = 2.0, 8.0, 2000.0
-
-
-@pytest.fixture
-def armonic(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Armonic:
-    monkeypatch.setenv("COLUMNS", str(WIDTH))
-
-    def run(*words: str | Path) -> Run:
-        code = cli.main([str(word) for word in words])
-        return Run(code, *capsys.readouterr())
-
-    return run
 
 
 @pytest.fixture

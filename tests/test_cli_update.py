@@ -16,22 +16,10 @@ import numpy as np
 import pytest
 
 import armonic as am
-from armonic import cli
 from armonic.cli import fitting
-from command_line import MEASURED, START, TRUE, WIDTH, Armonic, Run, files
+from command_line import MEASURED, START, TRUE, Armonic, Run, files
 
 PATTERN = "links.arm.elasticity.z.*"  # the two parameters that the example determines best
-
-
-@pytest.fixture
-def armonic(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Armonic:
-    monkeypatch.setenv("COLUMNS", str(WIDTH))
-
-    def run(*words: str | Path) -> Run:
-        code = cli.main([str(word) for word in words])
-        return Run(code, *capsys.readouterr())
-
-    return run
 
 
 def test_update_recovers_the_true_values_and_writes_robot_and_report(armonic: Armonic, tmp_path: Path) -> None:

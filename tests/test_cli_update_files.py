@@ -9,22 +9,10 @@ import numpy as np
 import pytest
 
 import armonic as am
-from armonic import cli
-from command_line import TRUE, WIDTH, Armonic, Run, files
+from command_line import TRUE, WIDTH, Armonic, files
 from update_files import EXACT, PATTERN, fitted, measure, off
 
-
-@pytest.fixture
-def armonic(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Armonic:
-    """The command, run in an empty folder."""
-    monkeypatch.setenv("COLUMNS", str(WIDTH))
-    monkeypatch.chdir(tmp_path)
-
-    def run(*words: str | Path) -> Run:
-        code = cli.main([str(word) for word in words])
-        return Run(code, *capsys.readouterr())
-
-    return run
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 # Coherence

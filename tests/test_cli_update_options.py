@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import armonic as am
-from armonic import cli
 from armonic.cli import fitting
 from command_line import MEASURED, START, TRUE, WIDTH, Armonic, Run, files
 from update_files import DAMPING, EXACT, PATTERN, STIFFNESS, fitted, measure, off
@@ -20,17 +19,7 @@ TWINS = ("links.arm.elasticity.x.stiffness", "links.arm.elasticity.y.stiffness")
 UPDATE = ("update", TRUE, MEASURED, "-o", "new.yaml")
 
 
-@pytest.fixture
-def armonic(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Armonic:
-    """The command, run in an empty folder."""
-    monkeypatch.setenv("COLUMNS", str(WIDTH))
-    monkeypatch.chdir(tmp_path)
-
-    def run(*words: str | Path) -> Run:
-        code = cli.main([str(word) for word in words])
-        return Run(code, *capsys.readouterr())
-
-    return run
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 # Methods, costs, losses

@@ -14,8 +14,8 @@ import pytest
 
 import armonic as am
 from armonic.errors import DataFileError, SignalError
-from armonic.identification.clustering import SelectedMode
 from armonic.identification.poles import ModelPoles
+from armonic.identification.selection import SelectedMode
 from armonic.identification.stabilization import Criteria, Stabilization, stabilize
 from armonic.identification_report import render, write_identification_report
 from armonic.plots.series import MAX_POINTS as MOST_SAMPLES

@@ -11,13 +11,17 @@ from scipy.signal import lfilter
 
 import armonic as am
 from armonic.errors import SignalError
-from armonic.identification.clustering import cluster, select_modes
+from armonic.identification.clustering import select_modes
 from armonic.identification.grid_search import grid_search
 from armonic.identification.poles import ModelPoles, continuous_poles, kept_poles
 from armonic.identification.stabilization import Criteria, stabilize
 
 TURN = 2 * np.pi
 CHANNELS = 6
+
+
+def cluster(stabilization, **options):
+    return list(select_modes(stabilization, **options).modes)
 
 
 def pole(freq_hz, damping):

@@ -51,6 +51,7 @@ def assert_found(result: am.OmaResult, rel: float) -> None:
 
 
 def test_a_noise_free_decay_gives_back_its_poles() -> None:
+    # Rounding alone, 5e-15 as it is; other machines round otherwise, and a second mode lies 4 % away.
     assert_found(am.oma(decay(), orders=(2, 20)), 1e-8)
 
 
@@ -100,7 +101,8 @@ def test_lags_that_are_spaced_solve_the_spaced_least_squares_problem() -> None:
     lags = np.hstack([values[rows - 3 * j] for j in range(1, 5)])
     stacked = np.linalg.lstsq(lags, values[rows], rcond=None)[0]
     own = fit.coefficients * fit.scale[:, None] / fit.scale
-    assert np.allclose(own.transpose(0, 2, 1).reshape(8, 2), stacked, rtol=1e-8, atol=1e-10)
+    # Rounding alone: the lagged random walks have a condition of 46.
+    assert np.allclose(own.transpose(0, 2, 1).reshape(8, 2), stacked, rtol=1e-11, atol=1e-12)
     assert fit.rows == 288
 
 
@@ -124,6 +126,7 @@ def test_a_pulse_between_two_samples_still_says_when_the_robot_is_free() -> None
     assert result.series.start_s == pytest.approx(0.205)
     pairs = am.compare(result, am.modes(am.load("huynh_3r"), {})).pairs
     assert [pair.index_b for pair in pairs] == [0, 1, 2]
+    # A blow of 800 N moves the arm by so much that its frequencies are not quite those of small vibration.
     assert max(abs(pair.freq_difference) for pair in pairs) < 1e-3
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 from typing import Any
 
 import control
@@ -13,9 +12,8 @@ import scipy.io
 import scipy.signal
 
 import armonic as am
-from armonic import cli
 from armonic.state_space import StateSpace
-from command_line import WIDTH, Armonic, Run, files
+from command_line import files
 from models import AXES, difference, oscillator, random_driven_robot, random_robot
 
 FREQ_HZ = np.linspace(0.5, 50.0, 40)
@@ -136,17 +134,6 @@ def test_a_matlab_file_that_cannot_be_written_is_refused(tmp_path):
 
 
 # --- The command --------------------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def armonic(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Armonic:
-    monkeypatch.setenv("COLUMNS", str(WIDTH))
-
-    def run(*words: str | Path) -> Run:
-        code = cli.main([str(word) for word in words])
-        return Run(code, *capsys.readouterr())
-
-    return run
 
 
 def test_export_writes_what_the_library_computes(armonic, tmp_path):

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from armonic.comparison import Comparison, ModePair
-    from armonic.identification.clustering import SelectedMode
     from armonic.identification.oma import OmaResult
+    from armonic.identification.selection import SelectedMode
     from armonic.modal import Modes
 
 NONE = "–"

@@ -41,7 +41,7 @@ def read_series_csv(path: str | Path, *, sample_rate_hz: float | None = None) ->
         DataFileError: the file is no such table, is cut off, or its times are not even times.
         SignalError: `sample_rate_hz` is not a positive number.
     """
-    lines = [(k, line) for k, line in enumerate(sheet._text(path, _EXPECTED).split("\n"), 1) if line.strip()]
+    lines = [(k, line) for k, line in enumerate(sheet.text_of(path, _EXPECTED).split("\n"), 1) if line.strip()]
     comments = [line for _, line in lines if line.startswith("#")]
     table = [(k, line) for k, line in lines if not line.startswith("#")]
     if not table:

@@ -100,7 +100,7 @@ def write_series_uff(path: str | Path, series: TimeSeries, *, binary: bool = Fal
         DataFileError: the file cannot be written, or a channel's name or unit does not fit into a line of it.
     """
     stems = list(dict.fromkeys(_stem(channel.name)[0] for channel in series.channels))
-    parts = [uff_writer._header("Time series")]
+    parts = [uff_writer.header("Time series")]
     for k, channel in enumerate(series.channels):
         parts.append(_encoded(path, series, k, stems.index(_stem(channel.name)[0]) + 1, binary=binary))
     write_whole(path, b"".join(parts))
@@ -129,7 +129,7 @@ def _encoded(path: str | Path, series: TimeSeries, column: int, node: int, *, bi
     lines = [
         "    -1",
         f"    58{size}",
-        *(channel.name, "NONE", uff_writer._now(), about, when),
+        *(channel.name, "NONE", uff_writer.timestamp(), about, when),
         f"{TIME_RESPONSE:5d}{0:10d}{0:5d}{0:10d} {entity:10}{node:10d}{direction:4d} {'NONE':10}{0:10d}{0:4d}",
         f"{4:10d}{values.size:10d}{1:10d}{start:>13}{step:>13}{'0.00000e+00':>13}",
         *(
@@ -142,7 +142,7 @@ def _encoded(path: str | Path, series: TimeSeries, column: int, node: int, *, bi
             )
         ),
     ]
-    return uff_writer._ascii(lines) + payload + b"    -1\n"
+    return uff_writer.ascii_lines(lines) + payload + b"    -1\n"
 
 
 def _text_values(values: Array) -> bytes:
@@ -165,7 +165,7 @@ def _span(record: _Record) -> str:
 
 
 def _records(data: bytes, name: str) -> list[_Record]:
-    reader = uff_reader._Reader(data.removeprefix(b"\xef\xbb\xbf"), name)
+    reader = uff_reader.Reader(data.removeprefix(b"\xef\xbb\xbf"), name)
     records: list[_Record] = []
     ignored: Counter[str] = Counter()
     units = Units()
@@ -183,7 +183,7 @@ def _records(data: bytes, name: str) -> list[_Record]:
         ignored[str(number)] += 1
         body = reader.to_close(binary=binary is not None)
         if number == 164:
-            units = uff_reader._read_164(reader, body)
+            units = uff_reader.read_164(reader, body)
     if not records:
         there = ", ".join(what if n == 1 else f"{n} of {what}" for what, n in ignored.items())
         found = f"only data sets {there}" if there else "no data set"
@@ -191,12 +191,12 @@ def _records(data: bytes, name: str) -> list[_Record]:
     return records
 
 
-def _record(reader: uff_reader._Reader, units: Units, binary: str | None) -> tuple[int, _Record | None]:
+def _record(reader: uff_reader.Reader, units: Units, binary: str | None) -> tuple[int, _Record | None]:
     lines, places = [], []
     for count in range(HEADER_LINES):
-        if reader.offset >= len(reader.data) or uff_reader._CLOSE.match(reader.data, reader.offset):
+        if reader.offset >= len(reader.data) or uff_reader.CLOSE.match(reader.data, reader.offset):
             found, expected = f"{count} header lines", f"{HEADER_LINES} header lines of data set 58"
-            raise reader.error(found, expected, uff_reader._TRUNCATED)
+            raise reader.error(found, expected, uff_reader.TRUNCATED)
         places.append(reader.offset)
         lines.append(reader.line())
     dof, form, abscissa = lines[5:8]
@@ -222,7 +222,7 @@ def _record(reader: uff_reader._Reader, units: Units, binary: str | None) -> tup
     if binary is None:
         table = _text_table(reader, count, len(columns))
     else:
-        table = uff_reader._binary_table(reader, binary, count, columns, double=storage == 4)
+        table = uff_reader.binary_table(reader, binary, count, columns, double=storage == 4)
     place = f"{reader.name}, line {1 + reader.data.count(bytes([10]), 0, reader.start)}"
     if spacing == 0:
         start_s, rate = settle(place, table[:, 0])
@@ -236,11 +236,11 @@ def _record(reader: uff_reader._Reader, units: Units, binary: str | None) -> tup
     return kind, _Record(place, channel, table[:, -1] * factor, start_s, rate)
 
 
-def _text_table(reader: uff_reader._Reader, count: int, width: int) -> Array:
+def _text_table(reader: uff_reader.Reader, count: int, width: int) -> Array:
     """(count, width) numbers; unlike those of an FRF they may be NaN or infinite."""
     at = reader.offset
     text = reader.to_close().decode("latin-1")
-    words = uff_reader._SIGN_IN_WORD.sub(" ", re.sub("[dD](?=[-+0-9])", "e", text)).split()
+    words = uff_reader.SIGN_IN_WORD.sub(" ", re.sub("[dD](?=[-+0-9])", "e", text)).split()
     needed = count * width
     try:
         numbers = np.array([float(word) for word in words])
@@ -251,7 +251,7 @@ def _text_table(reader: uff_reader._Reader, count: int, width: int) -> Array:
         raise reader.error(shown(word), "a number", at=at + max(text.find(word), 0)) from None
     padded = needed < len(words) < needed + _PADDING and not numbers[needed:].any()
     if len(words) != needed and not padded:
-        hint = uff_reader._TRUNCATED if len(words) < needed else None
+        hint = uff_reader.TRUNCATED if len(words) < needed else None
         raise reader.error(f"{len(words)} numbers", f"{needed}, for {count} samples", hint, at=at)
     return numbers[:needed].reshape(count, width)
 
@@ -279,7 +279,7 @@ def _exact(line: str, start_s: float, rate: float) -> tuple[float, float]:
 
 
 def _channel(
-    reader: uff_reader._Reader, lines: list[str], node: int, direction: int, units: Units, at: int
+    reader: uff_reader.Reader, lines: list[str], node: int, direction: int, units: Units, at: int
 ) -> tuple[tuple[str, str, str], float]:
     """Name, quantity and unit of a record, and the factor of its values."""
     about = _of_ours(lines[3].strip())

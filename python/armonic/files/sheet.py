@@ -40,14 +40,15 @@ def read_sheet(path: str | Path, expected: str) -> Sheet:
     Raises:
         DataFileError: the file cannot be read, is empty, no text, or cut off within a line.
     """
-    lines = list(enumerate(_text(path, expected).split("\n"), 1))
+    lines = list(enumerate(text_of(path, expected).split("\n"), 1))
     table = [(f"{path}, line {k}", line.split(",")) for k, line in lines if line.strip() and not line.startswith("#")]
     if not table:
         raise DataFileError(str(path), found="no table", expected=expected)
     return Sheet([line for _, line in lines if line.startswith("#")], *table[0], table[1:])
 
 
-def _text(path: str | Path, expected: str) -> str:
+def text_of(path: str | Path, expected: str) -> str:
+    """The text of a file with its line ends made one; a DataFileError that says what was expected if it is none."""
     try:
         text = read_bytes(path).decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:

@@ -25,15 +25,15 @@ FRF = 4
 COHERENCE = 6
 FREQUENCY = 18
 HEADER_LINES = 11
-_TRUNCATED = "The file looks truncated: export or copy it again."
+TRUNCATED = "The file looks truncated: export or copy it again."
 
 _OPEN = re.compile(rb"    -1[ \r]*(?:\n|\Z)")
-_CLOSE = re.compile(rb"^    -1[ \r]*(?:\n|\Z)", re.MULTILINE)
+CLOSE = re.compile(rb"^    -1[ \r]*(?:\n|\Z)", re.MULTILINE)
 _CLOSE_BINARY = re.compile(rb"(?:\r?\n)?    -1[ \r]*(?:\n|\Z)")  # some exporters put a line end before it
 _LINE = re.compile(rb"([^\n]*)(?:\n|\Z)")
 _BLANK_LINES = re.compile(rb"(?:[ \t\r]*\n)*")
 _NOTHING_MORE = re.compile(rb"[\s\x1a\x00]*\Z")
-_SIGN_IN_WORD = re.compile(r"(?<=[\d.])(?=[+-])", re.ASCII)
+SIGN_IN_WORD = re.compile(r"(?<=[\d.])(?=[+-])", re.ASCII)
 
 
 class Units(NamedTuple):
@@ -83,7 +83,7 @@ def parse(data: bytes, name: str, wanted: int = FRF) -> tuple[list[Function], li
     Raises:
         DataFileError: the file is not a universal file, is truncated or corrupt.
     """
-    reader = _Reader(data.removeprefix(b"\xef\xbb\xbf"), name)
+    reader = Reader(data.removeprefix(b"\xef\xbb\xbf"), name)
     functions: list[Function] = []
     ignored: Counter[str] = Counter()
     units = _SI
@@ -102,11 +102,11 @@ def parse(data: bytes, name: str, wanted: int = FRF) -> tuple[list[Function], li
             ignored[str(number)] += 1
             body = reader.to_close(binary=binary is not None)
             if number == 164:
-                units = _read_164(reader, body)
+                units = read_164(reader, body)
     return functions, [what if n == 1 else f"{n} of {what}" for what, n in ignored.items()]
 
 
-class _Reader:
+class Reader:
     """A position in the bytes of a file, and errors that name its line."""
 
     def __init__(self, data: bytes, name: str) -> None:
@@ -114,10 +114,12 @@ class _Reader:
         self.offset = self.start = 0
 
     def error(self, found: str, expected: str, hint: str | None = None, *, at: int | None = None) -> DataFileError:
+        """An error at the line of a place in the data, by default the present one."""
         line = 1 + self.data.count(b"\n", 0, self.offset if at is None else at)
         return DataFileError(f"{self.name}, line {line}", found=found, expected=expected, hint=hint)
 
     def line(self) -> str:
+        """The next line, without its end; the reader stands behind it."""
         match = _LINE.match(self.data, self.offset)
         assert match is not None  # the pattern matches the empty line as well
         self.offset = match.end()
@@ -140,6 +142,7 @@ class _Reader:
         return True
 
     def line_here(self) -> str:
+        """The rest of the present line, at most 80 characters; the reader stays."""
         return _text(self.data[self.offset : self.offset + 80].split(b"\n")[0])
 
     def identify(self) -> tuple[int, str | None]:
@@ -151,10 +154,10 @@ class _Reader:
 
     def to_close(self, *, binary: bool = False) -> bytes:
         """The rest of this data set, and step behind it."""
-        close = (_CLOSE_BINARY if binary else _CLOSE).search(self.data, self.offset)
+        close = (_CLOSE_BINARY if binary else CLOSE).search(self.data, self.offset)
         if close is None:
             raise self.error(
-                "the end of the file", "the line '    -1' that closes the data set", _TRUNCATED, at=self.start
+                "the end of the file", "the line '    -1' that closes the data set", TRUNCATED, at=self.start
             )
         body = self.data[self.offset : close.start()]
         self.offset = close.end()
@@ -191,7 +194,8 @@ def shown(text: str) -> str:
     return repr(text if len(text) <= 40 else text[:40] + "…")
 
 
-def _read_164(reader: _Reader, body: bytes) -> Units:
+def read_164(reader: Reader, body: bytes) -> Units:
+    """The units of a data set 164: factors to SI."""
     lines = _text(body).split("\n")
     words = " ".join(lines[1:]).split()
     if len(words) < 2:
@@ -202,11 +206,11 @@ def _read_164(reader: _Reader, body: bytes) -> Units:
     return Units(factors[0], factors[1], reader.integer(lines[0][:10], "units code", reader.start))
 
 
-def _read_58(reader: _Reader, units: Units, binary: str | None, wanted: int) -> tuple[int, Function | None]:
+def _read_58(reader: Reader, units: Units, binary: str | None, wanted: int) -> tuple[int, Function | None]:
     records, places = [], []
     for count in range(HEADER_LINES):
-        if reader.offset >= len(reader.data) or _CLOSE.match(reader.data, reader.offset):
-            raise reader.error(f"{count} header lines", f"{HEADER_LINES} header lines of data set 58", _TRUNCATED)
+        if reader.offset >= len(reader.data) or CLOSE.match(reader.data, reader.offset):
+            raise reader.error(f"{count} header lines", f"{HEADER_LINES} header lines of data set 58", TRUNCATED)
         places.append(reader.offset)
         records.append(reader.line())
     dof, form, abscissa, ordinate, denominator = records[5:10]
@@ -244,7 +248,7 @@ def _read_58(reader: _Reader, units: Units, binary: str | None, wanted: int) -> 
     if binary is None:
         table = _text_table(reader, count, columns)
     else:
-        table = _binary_table(reader, binary, count, columns, double=storage in (4, 6))
+        table = binary_table(reader, binary, count, columns, double=storage in (4, 6))
     freq_hz = np.float64(start) + step * np.arange(count) if spacing == 1 else table[:, 0]
     if not (np.isfinite(table).all() and np.isfinite(freq_hz).all()):
         raise reader.error("NaN or infinity among the values", "finite numbers", at=reader.start)
@@ -265,10 +269,10 @@ def _read_58(reader: _Reader, units: Units, binary: str | None, wanted: int) -> 
     )
 
 
-def _text_table(reader: _Reader, count: int, columns: tuple[str, ...]) -> NDArray[np.float64]:
+def _text_table(reader: Reader, count: int, columns: tuple[str, ...]) -> NDArray[np.float64]:
     at = reader.offset
     text = _text(reader.to_close()).replace("D", "E").replace("d", "e")
-    words = _SIGN_IN_WORD.sub(" ", text).split()  # full columns may leave no blank before a sign
+    words = SIGN_IN_WORD.sub(" ", text).split()  # full columns may leave no blank before a sign
     for word in words:
         if not NUMBER.fullmatch(word):
             raise reader.error(shown(word), "a number", at=at + max(text.find(word), 0))
@@ -280,15 +284,16 @@ def _text_table(reader: _Reader, count: int, columns: tuple[str, ...]) -> NDArra
         raise reader.error(
             f"{len(words)} numbers",
             f"{needed}, for {count} lines of {', '.join(columns)}",
-            _TRUNCATED if len(words) < needed else None,
+            TRUNCATED if len(words) < needed else None,
             at=at,
         )
     return np.array([float(word) for word in words[:needed]]).reshape(count, width)
 
 
-def _binary_table(
-    reader: _Reader, rest: str, count: int, columns: tuple[str, ...], *, double: bool
+def binary_table(
+    reader: Reader, rest: str, count: int, columns: tuple[str, ...], *, double: bool
 ) -> NDArray[np.float64]:
+    """The values of a data set 58b, (count, columns), after the rest of its first line."""
     order, floats, lines = (
         reader.integer(rest[a:b], "a field of 58b", reader.start) for a, b in ((0, 6), (6, 12), (12, 24))
     )
@@ -313,6 +318,6 @@ def _binary_table(
     raise reader.error(
         f"{found} bytes of values",
         f"{count * layouts[0].itemsize}, for {count} lines of {', '.join(columns)}",
-        _TRUNCATED,
+        TRUNCATED,
         at=at,
     )

@@ -25,7 +25,7 @@ def encode(functions: Iterable[Function], *, binary: bool, title: str) -> bytes:
     Raises:
         DataFileError: frequencies are too close to each other to be told apart in text.
     """
-    return b"".join([_header(title), *(_encode_58(function, binary=binary) for function in functions)])
+    return b"".join([header(title), *(_encode_58(function, binary=binary) for function in functions)])
 
 
 def _encode_58(function: Function, *, binary: bool) -> bytes:
@@ -38,7 +38,7 @@ def _encode_58(function: Function, *, binary: bool) -> bytes:
     lines = [
         "    -1",
         f"    58{size}",
-        *(_id_line(text) for text in (function.title, "", _now(), function.note, "")),
+        *(_id_line(text) for text in (function.title, "", timestamp(), function.note, "")),
         f"{FRF:5d}{0:10d}{0:5d}{0:10d} {'NONE':10}{node:10d}{direction:4d}"
         f" {'NONE':10}{from_node:10d}{from_direction:4d}",
         f"{6:10d}{f.size:10d}{even:10d}{start:>13}{step:>13}{'0.00000e+00':>13}",
@@ -52,7 +52,7 @@ def _encode_58(function: Function, *, binary: bool) -> bytes:
             )
         ),
     ]
-    return _ascii(lines) + payload + b"    -1\n"
+    return ascii_lines(lines) + payload + b"    -1\n"
 
 
 def _spacing(f: NDArray[np.float64]) -> tuple[str, str, bool]:
@@ -89,10 +89,11 @@ def decimal(value: float) -> str:
     return next(text for n in range(11, 0, -1) if len(text := f"{value:#.{n}g}") <= 12)
 
 
-def _header(title: str) -> bytes:
+def header(title: str) -> bytes:
+    """Data sets 151 and 164 of a file in SI units."""
     one, zero = "1.00000000000000000D+00", "0.00000000000000000D+00"
-    stamp = f"{_now():20}"
-    return _ascii(
+    stamp = f"{timestamp():20}"
+    return ascii_lines(
         [
             *("    -1", "   151", _id_line(title), "NONE", "Armonic"),
             *(f"{stamp}{0:10d}{0:10d}{0:10d}", stamp, "Armonic", stamp, "    -1"),
@@ -106,9 +107,11 @@ def _id_line(text: str) -> str:
     return " ".join(text.split()) or "NONE"
 
 
-def _now() -> str:
+def timestamp() -> str:
+    """Now, as universal files write it."""
     return time.strftime("%d-%b-%y %H:%M:%S")
 
 
-def _ascii(lines: Iterable[str]) -> bytes:
+def ascii_lines(lines: Iterable[str]) -> bytes:
+    """Lines of at most 80 characters; what is not ASCII becomes a question mark."""
     return "".join(f"{line:.80}\n" for line in lines).encode("ascii", "replace")

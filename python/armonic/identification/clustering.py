@@ -9,9 +9,7 @@ import numpy as np
 
 from armonic.errors import SignalError
 from armonic.identification.combinations import without_combinations
-from armonic.identification.selection import RejectedMode as RejectedMode
-from armonic.identification.selection import SelectedMode as SelectedMode
-from armonic.identification.selection import Selection, mode_of, oscillating, pole_scatter, rejected_for
+from armonic.identification.selection import SelectedMode, Selection, mode_of, oscillating, pole_scatter, rejected_for
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -48,22 +46,6 @@ a random response scatter by as much as they are damped."""
 UNDAMPED = 1e-3
 """Motion damped by less counts as damped by this: a sine is steady although it has no decay rate."""
 CHAIN = "its poles scatter by more than 0.3 of their decay rate: a chain of false poles that drift from order to order"
-
-
-def cluster(
-    stabilization: Stabilization, *, least_share: float = LEAST_SHARE, combinations: bool = True
-) -> list[SelectedMode]:
-    """The modes of a stabilization, by natural frequency; `select_modes` says besides what was rejected, and why.
-
-    Args:
-        stabilization: poles of all model orders.
-        least_share: as in `select_modes`.
-        combinations: as in `select_modes`.
-
-    Raises:
-        SignalError: fewer than three model orders, or a share outside (0, 1].
-    """
-    return list(select_modes(stabilization, least_share=least_share, combinations=combinations).modes)
 
 
 def select_modes(

@@ -35,7 +35,7 @@ def grid_search(
     mean of its poles and not the cell's place, so it is not rounded to the resolution.
 
     A resolution in Hz suits what varies by as much: modes that are damped strongly scatter more, and two modes within
-    one cell are one. `clustering.cluster` needs no resolution.
+    one cell are one. `clustering.select_modes` needs no resolution.
 
     Args:
         stabilization: poles of all model orders.

@@ -18,7 +18,7 @@ from armonic.text import format_si
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from armonic.identification.clustering import SelectedMode
+    from armonic.identification.selection import SelectedMode
     from armonic.identification.stabilization import Stabilization
     from armonic.modal import Modes
 

@@ -132,24 +132,15 @@ def assemble(
     return Assembly(robot, label, q, moving, loop, rest, tables, plant, acting, len(constant))
 
 
-def start_state(
-    assembly: Assembly,
-    load: Load,
-    equilibrium: Equilibrium,
-    displacement: Mapping[str, float] | None,
-    velocity: Mapping[str, float] | None,
-) -> Array:
-    """Y at the start: at rest where the equilibrium is, then displaced and set in motion.
+def rest_state(assembly: Assembly, load: Load, equilibrium: Equilibrium) -> Array:
+    """The state y (states,) at rest where the equilibrium is.
 
     Args:
         assembly: the robot.
         load: its constant wrench.
         equilibrium: "reference" or "static", as in `linearize`.
-        displacement: by name of coordinate or motor, rad or m.
-        velocity: likewise, rad/s or m/s.
 
     Raises:
-        SimulationError: a name is not one of the moving coordinates or motors, a number is not finite.
         ModelError: there is no static equilibrium.
     """
     z = assembly.bodies
@@ -157,14 +148,35 @@ def start_state(
     if equilibrium == "static":
         y[:z], integrators = _settled(assembly, load)
         y[2 * z : 2 * z + len(integrators)] = integrators
-    for offset, what, given in ((0, "displacement", displacement), (z, "velocity", velocity)):
+    return y
+
+
+def set_in_motion(
+    y: Array,
+    names: Sequence[str],
+    displacement: Mapping[str, float] | None,
+    velocity: Mapping[str, float] | None,
+) -> Array:
+    """A state displaced and set in motion.
+
+    Args:
+        y: positions, then velocities of what is named, then anything, (states,).
+        names: of coordinates and motors.
+        displacement: by name, rad or m.
+        velocity: by name, rad/s or m/s.
+
+    Raises:
+        SimulationError: there is no such name, or a number is not finite.
+    """
+    y = y.copy()
+    for offset, what, given in ((0, "displacement", displacement), (len(names), "velocity", velocity)):
         for name, value in (given or {}).items():
-            if name not in assembly.names:
-                known = ", ".join(assembly.names)
+            if name not in names:
+                known = ", ".join(names)
                 raise SimulationError(what, found=repr(name), expected=f"a coordinate or motor that moves: {known}")
             if not is_number(value):
                 raise SimulationError(f"{what} of {name}", found=repr(value), expected="a finite number")
-            y[offset + assembly.names.index(name)] += value
+            y[offset + names.index(name)] += value
     return y
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, TypeAlias
 
@@ -28,7 +29,7 @@ SAMPLES_PER_PERIOD = 20
 
 
 @dataclass(frozen=True, kw_only=True)
-class Excitation:
+class Excitation(ABC):
     """A force or moment along one axis of a frame.
 
     Attributes:
@@ -51,6 +52,7 @@ class Excitation:
             )
         self._check()
 
+    @abstractmethod
     def _check(self) -> None:
         """Refuse numbers that make no such excitation."""
 
@@ -59,13 +61,13 @@ class Excitation:
         """Of its values: "N" for a force, "N m" for a moment."""
         return "N m" if self.axis.startswith("r") else "N"
 
+    @abstractmethod
     def waveform(self, duration_s: float) -> Waveform:
         """Kind, numbers and samples of the waveform, as the core takes them, for a run of some length.
 
         Raises:
             SimulationError: it does not last as long.
         """
-        raise NotImplementedError
 
     def frame_on(self, robot: Robot) -> str:
         """The name of the frame at which it acts.

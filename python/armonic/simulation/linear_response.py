@@ -12,11 +12,11 @@ import numpy as np
 
 from armonic.errors import SimulationError
 from armonic.linear import linearize
-from armonic.series import Channel, TimeSeries
-from armonic.simulation.control import is_number
+from armonic.series import TimeSeries
+from armonic.simulation.assembly import set_in_motion
 from armonic.simulation.excitations import Excitation
 from armonic.simulation.running import acting_of, frames_of, samples_of
-from armonic.simulation.signals import WORLD, force_names, notes_of, units_of
+from armonic.simulation.signals import WORLD, Columns, force_names, notes_of, units_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from armonic.linear import Equilibrium, LinearModel, Posture
     from armonic.loads import WrenchAxes
     from armonic.robot import Robot
-    from armonic.series import Quantity
 
     Array: TypeAlias = NDArray[np.float64]
 
@@ -49,7 +48,7 @@ class Source:
     pieces: list[tuple[float, float, Array]]
 
     def at(self, time_s: float) -> Array:
-        """W at the start of a piece of the run; zero where no piece of its own begins or goes on."""
+        """The state w at the start of a piece of the run; zero where no piece of its own begins or goes on."""
         last = bisect_right(self.pieces, time_s + 1e-12, key=lambda piece: piece[0]) - 1
         if last < 0 or time_s >= self.pieces[last][1] - 1e-12:
             return np.zeros(2)
@@ -112,24 +111,12 @@ def linear_response(
     watched = frames_of(robot, frames)
     model = linearize(robot, posture, wrench=wrench, frame=frame, wrench_axes=wrench_axes, equilibrium=equilibrium)
     sources = [_source(model, excitation, (samples - 1) * step, step) for excitation in acting]
-    x = _start(model, displacement, velocity)
+    x = set_in_motion(np.zeros(len(model.state_matrix())), model.coordinates, displacement, velocity)
     states, rates, forces = _walk(model, sources, x, samples, step)
     if not np.isfinite(states).all():
         found = "a response too large for numbers"
         raise SimulationError(robot.name, found=found, expected="forces of this world, and a loop that is stable")
     return _series(model, acting, watched, states, rates, forces, sample_rate_hz)
-
-
-def _start(model: LinearModel, displacement: Mapping[str, float] | None, velocity: Mapping[str, float] | None) -> Array:
-    n = len(model.coordinates)
-    x = np.zeros(len(model.state_matrix()))
-    for offset, what, given in ((0, "displacement", displacement), (n, "velocity", velocity)):
-        for name, value in (given or {}).items():
-            if name not in model.coordinates or not is_number(value):
-                expected = f"finite numbers by {', '.join(model.coordinates)}"
-                raise SimulationError(what, found=f"{name!r}: {value!r}", expected=expected)
-            x[offset + model.coordinates.index(name)] = value
-    return x
 
 
 def _walk(
@@ -235,12 +222,8 @@ def _series(
     reference = np.concatenate([model.q[moving], model.motor_position])
     position, velocity, acceleration = states[:, :N] + reference, states[:, N : 2 * N], rates[:, N : 2 * N]
     units = units_of(robot, moving)
-    columns: list[tuple[Array, Channel]] = []
-
-    def add(values: Array, quantity: Quantity, names: Sequence[str], unit: Sequence[str]) -> None:
-        labelled = zip(values.T, names, unit, strict=True)
-        columns.extend((column, Channel(name, quantity, u)) for column, name, u in labelled)
-
+    columns = Columns()
+    add = columns.add
     add(position[:, n:], "motor_position", motors, ["rad"] * len(motors))
     add(position[:, :n], "joint_position", links, units)
     add(velocity[:, n:], "motor_velocity", motors, ["rad/s"] * len(motors))
@@ -254,5 +237,4 @@ def _series(
         add(acceleration[:, :n] @ rows, "acceleration", names, ["m/s²"] * 3)
     add(forces, "force", force_names(robot, acting), [e.unit for e in acting])
     notes = notes_of(robot, model.posture, model.q, acting, (len(states) - 1) / sample_rate_hz) | {"model": "linear"}
-    channels = tuple(channel for _, channel in columns)
-    return TimeSeries(np.column_stack([values for values, _ in columns]), sample_rate_hz, channels, notes=notes)
+    return columns.series(sample_rate_hz, notes)

@@ -14,7 +14,7 @@ from armonic.errors import PostureError, SimulationError
 from armonic.linear import linearize
 from armonic.loads import WrenchAxes, load_of
 from armonic.series import ENDED
-from armonic.simulation.assembly import Assembly, assemble, start_state
+from armonic.simulation.assembly import Assembly, assemble, rest_state, set_in_motion
 from armonic.simulation.control import SampledControl
 from armonic.simulation.excitations import MAX_SAMPLES, BandNoise, Excitation
 from armonic.simulation.implicit import run_implicit
@@ -170,8 +170,8 @@ def simulate(
         duration_s=(samples - 1) * step,
         preloaded=equilibrium == "reference",
     )
-    start = start_state(assembly, load, equilibrium, displacement, velocity)
-    at_rest = start_state(assembly, load, equilibrium, None, None)
+    at_rest = rest_state(assembly, load, equilibrium)
+    start = set_in_motion(at_rest, assembly.names, displacement, velocity)
     sampled = _sampled(assembly, control, (samples - 1) * step, at_rest)
     chosen, longest = _steps(assembly, method, sampled is not None)
     asked: Asked = {

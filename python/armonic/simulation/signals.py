@@ -9,7 +9,7 @@ import numpy as np
 from armonic.series import FREE_FROM, ROBOT_FILE, Channel, TimeSeries
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -23,6 +23,23 @@ if TYPE_CHECKING:
 ENERGIES = ("kinetic", "potential", "work of forces", "work of motors", "dissipated")
 """Channels of energy: the first two are held, the others summed up from the start."""
 WORLD = ("x0", "y0", "z0")
+
+
+class Columns:
+    """Channels as they come, and the time series of all of them."""
+
+    def __init__(self) -> None:
+        self._values: list[Array] = []
+        self._channels: list[Channel] = []
+
+    def add(self, values: Array, quantity: Quantity, names: Sequence[str], units: Sequence[str]) -> None:
+        """Channels of one quantity: values (samples, k), and a name and unit for each of the k."""
+        self._values.append(values)
+        self._channels.extend(Channel(name, quantity, unit) for name, unit in zip(names, units, strict=True))
+
+    def series(self, sample_rate_hz: float, notes: Mapping[str, str]) -> TimeSeries:
+        """All of them, (samples, channels)."""
+        return TimeSeries(np.hstack(self._values), sample_rate_hz, tuple(self._channels), notes=notes)
 
 
 def signals(assembly: Assembly, rows: Array, sample_rate_hz: float, frames: Sequence[str]) -> TimeSeries:
@@ -42,13 +59,8 @@ def signals(assembly: Assembly, rows: Array, sample_rate_hz: float, frames: Sequ
     reference = np.concatenate([assembly.q[assembly.moving], assembly.rest.motor_position])
     position = position + reference
     units = units_of(assembly.robot, assembly.moving)
-    columns: list[tuple[Array, Channel]] = []
-
-    def add(values: Array, quantity: Quantity, names: Sequence[str], unit: Sequence[str]) -> None:
-        columns.extend(
-            (column, Channel(name, quantity, u)) for column, name, u in zip(values.T, names, unit, strict=True)
-        )
-
+    columns = Columns()
+    add = columns.add
     links, motors = assembly.names[:n], assembly.names[n:]
     add(position[:, n:], "motor_position", motors, ["rad"] * nm)
     add(position[:, :n], "joint_position", links, units)
@@ -70,8 +82,7 @@ def signals(assembly: Assembly, rows: Array, sample_rate_hz: float, frames: Sequ
     add(force[:, assembly.constant :], "force", names, [e.unit for e in assembly.excitations])
     add(energy, "energy", ENERGIES, ["J"] * len(ENERGIES))
     notes = notes_of(assembly.robot, assembly.label, assembly.q, assembly.excitations, (len(rows) - 1) / sample_rate_hz)
-    channels = tuple(channel for _, channel in columns)
-    return TimeSeries(np.column_stack([values for values, _ in columns]), sample_rate_hz, channels, notes=notes)
+    return columns.series(sample_rate_hz, notes)
 
 
 def notes_of(
