@@ -174,7 +174,11 @@ def _measurement(fit: Fit, k: int, embed: Callable[[go.Figure], Markup]) -> dict
     f = m.frf.freq_hz
     band = f"{text.format_si(f[0], digits=3)} to {text.format_si(f[-1], digits=3)} Hz"
     new, old = _deviation([m.frf], [after]), _deviation([m.frf], [before])
-    figure = plots.frf_matrix({"measured": m.frf, "before": before, "after": after})
+    figure = plots.frf_matrix(
+        {"measured": m.frf, "before": before, "after": after}
+        if m.raw is None
+        else {"measured": m.raw, "synthesized": m.frf, "after": after}
+    )
     bands = _bands(fit, m)
     if bands is not None:
         plots.add_bands(figure, bands)
@@ -183,6 +187,7 @@ def _measurement(fit: Fit, k: int, embed: Callable[[go.Figure], Markup]) -> dict
         "facts": (
             f"{m.frf.kind.capitalize()} at frame {m.frame}, posture {_posture_text(m)}; "
             f"{text.count(f.size, 'line')} from {band}"
+            + ("" if m.raw is None else ", synthesized from the modes that were identified in the measured responses")
         ),
         "deviation": (
             f"Median deviation from the measurement: {text.format_percent(new[0])} in magnitude and "

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 _LINES: dict[str, dict[str, Any]] = {
     "before": {"line": {"color": BEFORE, "width": 1.4, "dash": "dot"}},
+    "synthesized": {"line": {"color": BEFORE, "width": 1.8, "dash": "dot"}},
     "after": {"line": {"color": AFTER, "width": 3.2}},
     "measured": {"line": {"color": "#000000", "width": 0.9}},
 }
@@ -41,7 +42,7 @@ def frf_matrix(frfs: Mapping[str, Frf], *, cell_height: int | None = None) -> go
 
     Args:
         frfs: responses by their label in the legend, all of one kind and with the same axes. "measured",
-            "before" and "after" have their own lines. A phase near that of the first is drawn on its branch.
+            "synthesized", "before" and "after" have their own lines. A phase near that of the first is drawn on its branch.
         cell_height: pixels per row of the matrix; by default 270, or 400 if there is only one.
 
     Raises:

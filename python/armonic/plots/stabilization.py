@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 from armonic.errors import SignalError
 from armonic.plots.look import GRID, INK, MUTED, TEMPLATE, log_axis, mode_colour
 from armonic.plots.maps import apart
+from armonic.plots.series import thinned
 from armonic.text import format_si
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from armonic.frf_set import FrfSet
     from armonic.identification.selection import SelectedMode
     from armonic.identification.stabilization import Stabilization
     from armonic.modal import Modes
@@ -33,7 +35,7 @@ LOGARITHMIC = 10.0
 TICKS_DECADES = 3.2
 """A logarithmic axis of up to so many decades has ticks at 1, 2 and 5."""
 
-UNSTABLE, STABLE = "#b4bcc4", "#5a9bd0"
+UNSTABLE, STABLE, RESPONSE = "#b4bcc4", "#5a9bd0", "#c9a26b"
 WIDTH, HEIGHT = 1080, 480
 _LEFT, _RIGHT, _TOP, _BOTTOM = 62, 24, 118, 46
 
@@ -57,6 +59,7 @@ def stabilization_diagram(
     reference: Modes | None = None,
     band_hz: tuple[float, float] | None = None,
     log: bool | None = None,
+    frfs: FrfSet | None = None,
 ) -> go.Figure:
     """Draw poles over natural frequency or damping, by model order (Do et al. 2022, Figs. 8, 9 and B.3).
 
@@ -72,6 +75,8 @@ def stabilization_diagram(
         band_hz: natural frequencies that are drawn; by default all. The axis spans the selected modes and the
             reference; zooming out shows the rest.
         log: whether the x axis is logarithmic; by default if what it spans exceeds a factor of ten.
+        frfs: responses that the poles were found in; behind a diagram over frequency their sum is drawn, each as a
+            share of its own RMS, on a logarithmic axis of its own.
 
     Returns:
         The figure. Of more than 5000 poles of one kind a part is drawn, which it says; of selected modes all are.
@@ -95,6 +100,8 @@ def stabilization_diagram(
         yaxis={"title": {"text": "Model order"}, "range": poles.span, "nticks": 8},
         legend={"traceorder": "normal", "itemsizing": "constant"},
     )
+    if frfs is not None and what == "frequency":
+        _responses(figure, frfs)
     notes = [
         poles.scatter(figure, poles.unstable, "unstable", {"color": UNSTABLE, "size": 2.6}),
         poles.scatter(figure, poles.stable, "stable", {"color": STABLE, "size": 3.8}),
@@ -253,6 +260,26 @@ def _axis(poles: _Poles, lines: Array, log: bool | None) -> dict[str, Any]:
         axis |= {"tickvals": ticks, "ticktext": [f"{tick:.6g}" for tick in ticks], "gridcolor": GRID}
         axis |= {"tickfont": {"size": 11, "color": MUTED}}
     return axis
+
+
+def _responses(figure: go.Figure, frfs: FrfSet) -> None:
+    """The sum of all responses, behind the poles."""
+    size = np.abs(frfs.values[:, frfs.measured])
+    rms = np.sqrt(np.mean(size**2, axis=0))
+    total = np.sum(np.divide(size, rms, out=np.zeros_like(size), where=rms > 0), axis=1)
+    shown = (total > 0) & (frfs.freq_hz > 0)
+    f, total = frfs.freq_hz[shown], total[shown]
+    kept = thinned(np.log(total))
+    figure.update_layout(yaxis2={"overlaying": "y", "side": "right", "visible": False} | log_axis(total))
+    figure.add_scatter(
+        x=f[kept],
+        y=total[kept],
+        yaxis="y2",
+        mode="lines",
+        line={"color": RESPONSE, "width": 1.2},
+        name="sum of |H|",
+        hoverinfo="skip",
+    )
 
 
 def _line(figure: go.Figure, x: float, span: list[float], **line: Any) -> None:

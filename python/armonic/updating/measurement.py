@@ -51,9 +51,12 @@ class Measurement:
             (Bendat and Piersol), so weights are divided by that; values of coherence zero are left out.
         mask: which values to use, of booleans, (L,) or (L, outputs, inputs).
         band: (low, high) in Hz; other lines are left out, but stay in figures.
+        raw: where `frf` was synthesized from identified modes, the responses as they were measured, of the same kind
+            and axes, on lines of their own; figures show them beside (Huynh et al. 2021, Fig. 10).
 
     Raises:
-        UpdateError: no frame, weights, coherence or mask that do not fit, or a zero where a logarithm is taken.
+        UpdateError: no frame, weights, coherence, mask or raw responses that do not fit, or a zero where a logarithm is
+            taken.
     """
 
     frf: Frf
@@ -64,6 +67,7 @@ class Measurement:
     coherence: ArrayLike | None = field(default=None, repr=False)
     mask: ArrayLike | None = field(default=None, repr=False)
     band: Sequence[float] | None = None
+    raw: Frf | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         frame = self.frame or self.frf.frame or ""
@@ -72,6 +76,9 @@ class Measurement:
             raise UpdateError("Measurement.frame", found="nothing", expected="the robot frame the sensor sits on")
         object.__setattr__(self, "frame", frame)
         object.__setattr__(self, "label", label)
+        H, raw = self.frf, self.raw
+        if raw is not None and (raw.kind, raw.outputs, raw.inputs) != (H.kind, H.outputs, H.inputs):
+            raise UpdateError(f"{label}: raw", found=repr(raw), expected=f"kind and axes of {H!r}")
         self.line_weights()
 
     def line_weights(self) -> Array:

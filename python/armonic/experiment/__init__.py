@@ -1,0 +1,1 @@
+"""From measured signals to frequency responses: hits, windows, spectra and estimators."""
