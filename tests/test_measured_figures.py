@@ -67,7 +67,9 @@ def test_magnitude_phase_and_coherence_of_every_pair_are_drawn() -> None:
         np.testing.assert_allclose(size.y, np.abs(frfs.values[:, i, j]), rtol=SINGLE)
         there = ~np.isnan(phase.y)
         turned = np.exp(1j * np.radians(phase.y[there].astype(float)))
-        np.testing.assert_allclose(turned, np.exp(1j * np.angle(frfs.values[:, i, j])), atol=1e-6)  # of up to 225 degrees
+        np.testing.assert_allclose(
+            turned, np.exp(1j * np.angle(frfs.values[:, i, j])), atol=1e-6
+        )  # of up to 225 degrees
         np.testing.assert_allclose(quality.y, frfs.coherence[:, i, j], rtol=SINGLE)
 
 
@@ -81,8 +83,8 @@ def test_the_measurement_lies_thin_and_black_over_what_was_synthesized_and_fitte
     frfs = KUKA.frfs(LINES_HZ, noise=0.01)
     exact = KUKA.frfs(LINES_HZ)
     figure = frf_with_coherence(frfs, others={"synthesized": exact, "fitted": exact, "before": exact})
-    order = [trace.name for trace in figure.data if trace.x is not None and len(trace.x) > 1][:9:2]
-    assert order == ["before", "fitted", "synthesized", "measured", "before"]
+    order = [trace.name for trace in figure.data if trace.x is not None and len(trace.x) > 1][:8:2]
+    assert order == ["before", "fitted", "synthesized", "measured"]
     thin, dotted, thick = (traces(figure, name)[0].line for name in ("measured", "synthesized", "fitted"))
     assert (thin.color, dotted.dash) == ("#000000", "dot")
     assert thin.width < dotted.width < thick.width
@@ -155,7 +157,9 @@ def test_names_of_measured_points_stay_text() -> None:
     others = {HOSTILE: frfs}
     page = frf_with_coherence(frfs, others=others).to_json() + nyquist(frfs, KUKA.poles[:1]).to_json()
     geometry = Geometry((HOSTILE,), np.zeros((1, 3)))
-    page += shape_stills(None, None, ModeTable(KUKA.poles[:1], np.ones((1, 1)) + 0j, labels), geometry=geometry).to_json()
+    page += shape_stills(
+        None, None, ModeTable(KUKA.poles[:1], np.ones((1, 1)) + 0j, labels), geometry=geometry
+    ).to_json()
     assert "<script" not in page
     assert "<img" not in page
 
@@ -187,10 +191,7 @@ def test_lines_of_a_circle_end_halfway_to_the_next_mode_and_are_five_at_least() 
         f = fine.freq_hz[around(fine, poles, mode)]
         centre = poles[mode].imag / 2 / np.pi
         reach = 8 * -poles[mode].real / 2 / np.pi
-        nearest = np.abs(poles.imag / 2 / np.pi - centre)
-        limit = min(reach, np.sort(nearest)[1] / 2)
-        assert f.min() >= centre - max(reach, limit) - 1e-9
-        assert np.abs(f - centre).max() <= reach + 1e-9
+        assert np.abs(f - centre).max() <= reach
         assert len(around(coarse, poles, mode)) >= LEAST_LINES
     first = fine.freq_hz[around(fine, poles, 0)]
     assert first.max() <= 10.5  # halfway between 10 and 11 Hz
@@ -227,7 +228,7 @@ def test_the_complex_mode_indicator_is_drawn_as_the_singular_values() -> None:
 
 
 def test_the_multivariate_mode_indicator_dips_at_real_modes_and_nowhere_else() -> None:
-    f = np.arange(500, 3001) / 100
+    f = np.arange(400, 2401) / 80
     dips = traces(mode_indicators(KUKA.frfs(f)), "first")[1].y
     modes = [int(np.argmin(abs(f - at))) for at in (10.0, 11.0, 19.2, 23.7)]
     assert dips[modes].max() < 0.1
@@ -338,7 +339,7 @@ def test_every_mode_has_a_button_that_plays_its_own_pictures() -> None:
     for button, mode in zip(play, (1, 3), strict=True):
         assert set(button.args[0]) == {f"{mode}.{step}" for step in range(12)}
         assert button.args[1]["frame"]["redraw"]  # without it nothing moves in three dimensions
-    assert stop.args[0] == [None]
+    assert list(stop.args[0]) == [None]
 
 
 def test_half_a_cycle_later_a_point_is_on_the_other_side() -> None:

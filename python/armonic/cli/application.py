@@ -10,7 +10,19 @@ from typing import Annotated
 import typer
 
 from armonic import __version__
-from armonic.cli import INTERRUPTED, demo, export, fitting, identifying, mapping, model, planning, robots, simulating
+from armonic.cli import (
+    INTERRUPTED,
+    demo,
+    export,
+    fitting,
+    identifying,
+    mapping,
+    model,
+    planning,
+    robots,
+    simulating,
+    tapping,
+)
 from armonic.cli.refusals import TyperUsageError, refuse
 from armonic.cli.sections import Sectioned
 from armonic.errors import ArmonicError
@@ -31,6 +43,7 @@ for command in (
     fitting.update,
     planning.plan,
     simulating.simulate,
+    tapping.tap,
     identifying.oma,
     robots.check,
     robots.robots,

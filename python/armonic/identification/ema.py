@@ -15,13 +15,15 @@ from armonic.identification.clustering import select_modes
 from armonic.identification.complex_exponential import complex_exponential
 from armonic.identification.modal_model import Side
 from armonic.identification.modal_scaling import modal_scaling
+from armonic.identification.poles import unit_shapes
 from armonic.identification.polyreference import polyreference_lscf
+from armonic.identification.refinement import WEAK
 from armonic.identification.refinement import refine as refined
 from armonic.identification.residues import fit_residues
 from armonic.identification.samples import checked_band, checked_orders
 from armonic.identification.selection import SelectedMode, rejected_for
 from armonic.identification.stabilization import Criteria, Stabilization, stabilize
-from armonic.response import Frf
+from armonic.response import KINDS, Frf
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -186,9 +188,9 @@ def ema(
     low, high = used.freq_hz[0], used.freq_hz[-1]
     inside = [mode for mode in chosen.modes if low <= mode.natural_freq_hz <= high and mode.damping_ratio > 0]
     say("fitting residues")
-    model, refinement, modes, dropped, remarks = _fitted(used, inside, refine=refine, real=real)
+    model, refinement, kept, dropped, remarks = _fitted(used, inside, refine=refine, real=real)
     scaling = modal_scaling(model)
-    modes = [replace(mode, shape=shape) for mode, shape in zip(modes, _unit(scaling.shapes), strict=True)]
+    modes = [replace(mode, shape=shape) for mode, shape in zip(kept, unit_shapes(scaling.shapes), strict=True)]
     return EmaResult(
         method=method,
         measured=given,
@@ -205,3 +207,105 @@ def ema(
         remarks=tuple(remarks),
         seconds=time.perf_counter() - began,
     )
+
+
+def as_set(given: Any) -> FrfSet:
+    """The responses as a set, whatever holds them.
+
+    Raises:
+        FrfError: nothing that holds responses.
+    """
+    if isinstance(given, Frf):
+        return FrfSet.from_frf(given)
+    inner = getattr(given, "frfs", given)
+    if not isinstance(inner, FrfSet):
+        raise FrfError("frfs", found=f"a {type(given).__name__}", expected="an FrfSet, an Frf or an FrfEstimate")
+    return inner
+
+
+def _usable(frfs: FrfSet) -> FrfSet:
+    """Without a line at 0 Hz, where no kind of motion but a displacement is left."""
+    if frfs.freq_hz[0] > 0:
+        return frfs
+    if len(frfs.freq_hz) < 2:
+        raise FrfError("FrfSet.freq_hz", found="one line, at 0 Hz", expected="lines above 0 Hz")
+    return frfs.lines(np.arange(1, len(frfs.freq_hz)))
+
+
+def _default_orders(frfs: FrfSet, method: Method) -> tuple[int, int]:
+    """2 to 60, or what the lines are good for: twice as many equations as unknowns."""
+    return 2, max(4, min(MOST_ORDER[method], len(frfs.freq_hz) // 4))
+
+
+def _poles(
+    frfs: FrfSet, method: Method, orders: range | tuple[int, int], band: tuple[float, float] | None
+) -> list[ModelPoles]:
+    if method == "plscf":
+        return polyreference_lscf(frfs, orders=orders, band_hz=band)
+    return complex_exponential(frfs, orders=orders, band_hz=band)
+
+
+Fitted: TypeAlias = "tuple[ModalModel, Refinement | None, list[SelectedMode], list[RejectedMode], list[str]]"
+
+
+def _fitted(frfs: FrfSet, modes: Sequence[SelectedMode], *, refine: bool, real: bool) -> Fitted:
+    """The modal model of the selected modes; refined ones that turn out to be none are taken out one by one."""
+    kept: list[SelectedMode] = list(modes)
+    dropped: list[RejectedMode] = []
+    while True:
+        poles = np.array([mode.pole for mode in kept], np.complex128)
+        if not refine or not kept:
+            return fit_residues(frfs, poles, real=real), None, kept, dropped, []
+        found = refined(frfs, poles, real=real)
+        refuted = _refuted(found, poles, frfs)
+        if refuted is None:
+            return found.model, found, _with_poles(kept, found), dropped, list(found.remarks)
+        index, reason = refuted
+        dropped.append(rejected_for(kept.pop(index), reason))
+
+
+def _refuted(found: Refinement, start: NDArray[np.complex128], frfs: FrfSet) -> tuple[int, str] | None:
+    """The mode that the responses support least, if there is one that they do not, and why."""
+    model = found.model
+    weak = int(np.argmin(found.significance))
+    if found.significance[weak] < WEAK:
+        return weak, "the responses are fitted as well without it: a pole in noise"
+    for k, (pole, before) in enumerate(zip(model.poles, start, strict=True)):
+        if pole.real >= 0:
+            return k, "refined, it grows"
+        if abs(pole / before - 1) > FAR:
+            return k, "refined, it wanders off: the responses hold no such pole"
+        near = np.abs(model.poles / pole - 1) < SAME * max(1.0, found.damping_std[k] / SAME)
+        near[k] = False
+        if near.any() and found.significance[k] <= found.significance[near].max():
+            return k, "refined, it falls together with another mode"
+    outside = (model.natural_freq_hz < frfs.freq_hz[0]) | (model.natural_freq_hz > frfs.freq_hz[-1])
+    if outside.any():
+        return int(np.argmax(outside)), "refined, it lies outside the band"
+    return None
+
+
+def _with_poles(modes: Sequence[SelectedMode], found: Refinement) -> list[SelectedMode]:
+    model = found.model
+    return [
+        replace(
+            mode,
+            pole=complex(model.poles[k]),
+            natural_freq_hz=float(model.natural_freq_hz[k]),
+            damping_ratio=float(model.damping_ratio[k]),
+            freq_std_hz=float(found.freq_std_hz[k]),
+            damping_std=float(found.damping_std[k]),
+        )
+        for k, mode in enumerate(modes)
+    ]
+
+
+def _frac(frfs: FrfSet, model: ModalModel) -> Array:
+    """How alike measured and synthesized responses are, at the lines as measured, beside the axis or on it."""
+    made = model.receptance(frfs.s)
+    seen = frfs.to("receptance").values
+    s = np.abs(frfs.s)[:, None, None] ** KINDS.index(frfs.kind)
+    a, b = seen * s, made * s
+    shared = np.abs((a * b.conj()).sum(axis=0)) ** 2
+    sizes = (np.abs(a) ** 2).sum(axis=0) * (np.abs(b) ** 2).sum(axis=0)
+    return np.asarray(np.divide(shared, sizes, out=np.full(sizes.shape, np.nan), where=frfs.measured & (sizes > 0)))

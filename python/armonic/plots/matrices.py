@@ -42,7 +42,8 @@ def frf_matrix(frfs: Mapping[str, Frf], *, cell_height: int | None = None) -> go
 
     Args:
         frfs: responses by their label in the legend, all of one kind and with the same axes. "measured",
-            "synthesized", "before" and "after" have their own lines. A phase near that of the first is drawn on its branch.
+            "synthesized", "before" and "after" have their own lines. A phase near that of the first is drawn on its
+            branch.
         cell_height: pixels per row of the matrix; by default 270, or 400 if there is only one.
 
     Raises:
