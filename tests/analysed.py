@@ -9,6 +9,7 @@ import numpy as np
 
 import armonic as am
 from armonic.frf_set import FrfSet
+from armonic.identification.ema import EmaResult
 from armonic.identification.modal_scaling import modal_scaling
 from armonic.identification.poles import ModelPoles
 from armonic.identification.refinement import refine
@@ -40,7 +41,7 @@ def measured(model: am.LinearModel, *, noise: float = 0.01, seed: int = 0, lines
     return FrfSet(lines_hz, H, "accelerance", labels, labels, coherence, averages, notes={"file": "taps.uff"})
 
 
-def analysis(frfs: FrfSet, poles: Any, *, seed: int = 0, orders: int = 30) -> Any:
+def analysis(frfs: FrfSet, poles: Any, *, seed: int = 0, orders: int = 30) -> EmaResult:
     """As `armonic.ema` would find these poles: in nearly every order with a little scatter, between false ones."""
     rng = np.random.default_rng(seed)
     refinement = refine(frfs, poles)
@@ -59,35 +60,34 @@ def analysis(frfs: FrfSet, poles: Any, *, seed: int = 0, orders: int = 30) -> An
     modes = []
     for i, pole in enumerate(refinement.model.poles):
         at = np.flatnonzero(own == i)
-        spread = float(stabilization.natural_freq_hz[at].std()), float(stabilization.damping_ratio[at].std())
-        size, first = abs(pole), int(stabilization.order[at].min())
-        modes.append(
-            SelectedMode(
-                size / 2 / np.pi, -pole.real / size, complex(pole), scaling.shapes[i], *spread, len(at), first, at
-            )
+        size, spread = abs(pole), (float(refinement.freq_std_hz[i]), float(refinement.damping_std[i]))
+        mode = SelectedMode(
+            natural_freq_hz=size / (2 * np.pi),
+            damping_ratio=-pole.real / size,
+            pole=complex(pole),
+            shape=scaling.shapes[i],
+            freq_std_hz=spread[0],
+            damping_std=spread[1],
+            orders=len(at),
+            first_order=int(stabilization.order[at].min()),
+            members=at,
         )
+        modes.append(mode)
     model = refinement.model
-    return SimpleNamespace(
+    return EmaResult(
         method="plscf",
-        frfs=frfs,
         measured=frfs,
+        frfs=frfs,
+        orders=(2, 1 + orders),
+        stabilization=stabilization,
+        modes=tuple(modes),
+        rejected=(rejected(14.2, 0.02, 9, "held in 9 of 30 orders only"),),
+        channels=scaling.dofs,
         model=model,
         refinement=refinement,
         scaling=scaling,
-        modes=tuple(modes),
-        rejected=(rejected(14.2, 0.02, 9, "held in 9 of 30 orders only"),),
-        stabilization=stabilization,
-        orders=(2, 1 + orders),
-        channels=scaling.dofs,
-        poles=model.poles,
-        natural_freq_hz=model.natural_freq_hz,
-        damping_ratio=model.damping_ratio,
-        freq_std_hz=refinement.freq_std_hz,
-        damping_std=refinement.damping_std,
         frac=am.frac(frfs, FrfSet(frfs.freq_hz, at_lines(model, frfs), frfs.kind, frfs.outputs, frfs.inputs)),
-        synthesized=lambda freq_hz=None, kind=None, symmetric=None: model.frfs(
-            frfs.freq_hz if freq_hz is None else freq_hz, kind or frfs.kind
-        ),
+        remarks=refinement.remarks,
         seconds=1.25,
     )
 

@@ -17,6 +17,7 @@ from armonic.ema_report import render, write_ema_report
 from armonic.errors import DataFileError
 from armonic.files.measured_file import Geometry
 from armonic.frf_set import FrfSet
+from armonic.identification.ema import EmaResult
 from armonic.identification.modal_model import ModalModel
 from armonic.identification.modal_scaling import modal_scaling
 from measured_systems import KUKA
@@ -29,13 +30,9 @@ def known() -> tuple[am.Robot, am.LinearModel, am.Modes]:
 
 
 @pytest.fixture(scope="module")
-def result(known: Any) -> Any:
+def result(known: Any) -> EmaResult:
     _, model, modes = known
     return analysis(measured(model), modes.poles[:SEEN])
-
-
-def changed(result: Any, **values: Any) -> Any:
-    return SimpleNamespace(**vars(result) | values)
 
 
 def words(page: Page) -> str:
@@ -46,15 +43,14 @@ def alarms(page: Page) -> int:
     return sum("alarm" in str(attributes.get("class")) for tag, attributes in page.tags if tag == "p")
 
 
-def without_modes(result: Any) -> Any:
-    nothing = np.zeros(0)
-    return changed(
-        result, modes=(), poles=nothing + 0j, natural_freq_hz=nothing, damping_ratio=nothing, freq_std_hz=nothing,
-        damping_std=nothing, model=None, scaling=None, refinement=None, frac=np.full((3, 3), np.nan),
-    )  # fmt: skip
+def some_modes(result: EmaResult, kept: list[int]) -> EmaResult:
+    """The same with these modes alone, as if the others had not been found."""
+    model = replace(result.model, poles=result.poles[kept], residues=result.model.residues[kept])
+    modes = tuple(result.modes[k] for k in kept)
+    return replace(result, model=model, modes=modes, scaling=modal_scaling(model), refinement=None)
 
 
-def test_the_report_stands_alone_and_plays_nothing_by_itself(result: Any, known: Any, tmp_path: Path) -> None:
+def test_the_report_stands_alone_and_plays_nothing_by_itself(result: EmaResult, known: Any, tmp_path: Path) -> None:
     robot, _, modes = known
     path = write_ema_report(result, tmp_path / "r.html", reference=modes, robot=robot, estimate=estimated(result.frfs))
     html = path.read_text("utf-8")
@@ -68,7 +64,7 @@ def test_the_report_stands_alone_and_plays_nothing_by_itself(result: Any, known:
     assert len(html) < 7_000_000  # of which 4.8 million are plotly itself
 
 
-def test_the_lead_says_what_was_found_in_what(result: Any) -> None:
+def test_the_lead_says_what_was_found_in_what(result: EmaResult) -> None:
     told = words(Page(render(result)))
     assert (
         "4 modes identified from 9 responses of 401 lines, 5.00 to 30.0 Hz, by polyreference least-squares complex"
@@ -77,7 +73,7 @@ def test_the_lead_says_what_was_found_in_what(result: Any) -> None:
     )
 
 
-def test_modes_stand_with_their_deviations_beside_those_of_the_model(result: Any, known: Any) -> None:
+def test_modes_stand_with_their_deviations_beside_those_of_the_model(result: EmaResult, known: Any) -> None:
     robot, _, modes = known
     page = Page(render(result, reference=modes, robot=robot))
     rows = [row for row in page.rows if len(row) == 12]
@@ -96,16 +92,9 @@ def test_modes_stand_with_their_deviations_beside_those_of_the_model(result: Any
     assert "4 pairs with the model. None within the band is left without a partner." in words(page)
 
 
-def test_modes_of_the_model_in_the_band_that_were_not_found_are_said(result: Any, known: Any) -> None:
+def test_modes_of_the_model_in_the_band_that_were_not_found_are_said(result: EmaResult, known: Any) -> None:
     _, _, modes = known
-    keep = [0, 1, 3]
-    fewer = changed(
-        result,
-        modes=tuple(result.modes[k] for k in keep),
-        scaling=modal_scaling(replace(result.model, poles=result.poles[keep], residues=result.model.residues[keep])),
-        **{name: getattr(result, name)[keep] for name in ("poles", "natural_freq_hz", "damping_ratio")},
-        **{name: getattr(result, name)[keep] for name in ("freq_std_hz", "damping_std")},
-    )
+    fewer = some_modes(result, [0, 1, 3])
     page = Page(render(fewer, reference=modes))
     told = words(page)
     assert "3 pairs with the model. Of the model within the band, mode 3 (18.717 Hz, 0.585 %) has no partner" in told
@@ -113,7 +102,7 @@ def test_modes_of_the_model_in_the_band_that_were_not_found_are_said(result: Any
     assert ["–"] * 6 + ["3", "18.717", "–", "0.5850", "–", "–"] in page.rows
 
 
-def test_complexity_mass_and_modal_a_are_those_of_the_residues(result: Any) -> None:
+def test_complexity_mass_and_modal_a_are_those_of_the_residues(result: EmaResult) -> None:
     page = Page(render(result))
     rows = [row for row in page.rows if len(row) == 9]
     assert len(rows) == 4
@@ -138,19 +127,19 @@ def test_shapes_without_a_driving_point_have_no_scale_and_the_report_says_why(kn
     assert {(row[6], row[7]) for row in rows} == {("–", "–")}
 
 
-def test_every_response_has_its_frac_and_poor_ones_raise_an_alarm(result: Any) -> None:
+def test_every_response_has_its_frac_and_poor_ones_raise_an_alarm(result: EmaResult) -> None:
     page = Page(render(result))
     for i, axis in enumerate("xyz"):
         assert [f"sensor.{axis}", *(f"{result.frac[i, j]:.4f}" for j in range(3))] in page.rows
     assert alarms(page) == 0
     poor = result.frac.copy()
     poor[0, 1], poor[2, 2] = 0.42, 0.813
-    page = Page(render(changed(result, frac=poor)))
+    page = Page(render(replace(result, frac=poor)))
     assert alarms(page) == 1
     assert "describe poorly: sensor.x to sensor.y (FRAC 0.42) and sensor.z to sensor.z (FRAC 0.81)." in words(page)
 
 
-def test_the_synthesis_is_drawn_over_the_measurement(result: Any) -> None:
+def test_the_synthesis_is_drawn_over_the_measurement(result: EmaResult) -> None:
     drawn = figures(Page(render(result)))[0]
     curve = next(t for t in drawn if t["name"] == "synthesized" and isinstance(t["y"], dict))
     exact = at_lines(result.model, result.frfs)[:, 0, 0]
@@ -173,7 +162,7 @@ def test_what_an_exponential_window_does_is_said_and_drawn() -> None:
     assert numbers(one["y"]).max() == pytest.approx(numbers(other["y"]).max(), rel=0.01)
 
 
-def test_hits_stand_with_the_reason_why_one_was_not_used(result: Any) -> None:
+def test_hits_stand_with_the_reason_why_one_was_not_used(result: EmaResult) -> None:
     page = Page(render(result, estimate=estimated(result.frfs)))
     rows = [row for row in page.rows if len(row) == 8 and row[3].startswith("sensor.")]
     assert len(rows) == 15
@@ -185,30 +174,30 @@ def test_hits_stand_with_the_reason_why_one_was_not_used(result: Any) -> None:
     assert "Hits" not in words(Page(render(result)))
 
 
-def test_rejected_clusters_stand_with_their_reasons(result: Any) -> None:
+def test_rejected_clusters_stand_with_their_reasons(result: EmaResult) -> None:
     assert ["14.200", "2.000", "9", "held in 9 of 30 orders only"] in Page(render(result)).rows
-    assert "No cluster of poles was rejected." in words(Page(render(changed(result, rejected=()))))
+    assert "No cluster of poles was rejected." in words(Page(render(replace(result, rejected=()))))
 
 
-def test_where_no_mode_was_found_the_report_says_so(result: Any, known: Any) -> None:
+def test_where_no_mode_was_found_the_report_says_so(result: EmaResult, known: Any) -> None:
     robot, _, modes = known
-    page = Page(render(without_modes(result), reference=modes, robot=robot))
+    page = Page(render(replace(some_modes(result, []), frac=np.full((3, 3), np.nan)), reference=modes, robot=robot))
     assert "No modes were identified from 9 responses" in words(page)
     assert "0 pairs with the model. Of the model within the band, mode 1 (9.9620 Hz, 1.08 %), mode 2" in words(page)
     assert alarms(page) == 1
     assert len(figures(page)) == 4
 
 
-def test_residues_of_more_than_one_mode_raise_an_alarm(result: Any) -> None:
+def test_residues_of_more_than_one_mode_raise_an_alarm(result: EmaResult) -> None:
     residues = result.model.residues.copy()
     residues[1] = np.eye(3) * residues[1, 2, 2]
     mixed = ModalModel(result.poles, residues, result.model.outputs, result.model.inputs)
-    page = Page(render(changed(result, scaling=modal_scaling(mixed))))
+    page = Page(render(replace(result, scaling=modal_scaling(mixed))))
     # The best matrix of rank one leaves two of three equal singular values: √2 of the first.
     assert "Mode 2 at 11.070 Hz: its residues are hardly those of a single mode, which leaves 140 %" in words(page)
 
 
-def test_without_a_robot_shapes_are_a_table(result: Any, known: Any) -> None:
+def test_without_a_robot_shapes_are_a_table(result: EmaResult, known: Any) -> None:
     page = Page(render(result))
     assert "have no position (no robot was given)" in words(page)
     assert len(figures(page)) == 6
@@ -219,14 +208,14 @@ def test_without_a_robot_shapes_are_a_table(result: Any, known: Any) -> None:
     assert row[1 + largest] == "1.000 ∠ 0°"
 
 
-def test_measured_points_may_have_their_places_by_a_geometry(result: Any) -> None:
+def test_measured_points_may_have_their_places_by_a_geometry(result: EmaResult) -> None:
     geometry = Geometry(("sensor",), np.array([[2.2, 0.0, 0.5]]))
     page = Page(render(result, geometry=geometry))
     assert [drawn[0]["type"] for drawn in figures(page)].count("scatter3d") == 1
     assert "have no position" not in words(page)
 
 
-def test_a_model_without_the_robot_is_compared_by_its_poles(result: Any, known: Any) -> None:
+def test_a_model_without_the_robot_is_compared_by_its_poles(result: EmaResult, known: Any) -> None:
     _, _, modes = known
     page = Page(render(result, reference=modes))
     assert "4 pairs with the model." in words(page)
@@ -234,7 +223,7 @@ def test_a_model_without_the_robot_is_compared_by_its_poles(result: Any, known: 
     assert "MAC with the model" not in words(page)
 
 
-def test_how_it_was_made_can_be_done_again(result: Any) -> None:
+def test_how_it_was_made_can_be_done_again(result: EmaResult) -> None:
     page = Page(render(result))
     told = words(page)
     assert "freq_tolerance = 0.01, damping_tolerance = 0.05, mac = 0.95" in told
@@ -242,24 +231,23 @@ def test_how_it_was_made_can_be_done_again(result: Any) -> None:
     for name in ("Huynh", "PolyMAX", "Allemang", "Bendat", "Shih", "Williams", "Heylen"):
         assert name in told
     assert "820194" not in told
-    assert "820194" in words(Page(render(changed(result, method="lsce"))))
+    assert "820194" in words(Page(render(replace(result, method="lsce"))))
     row = next(row for row in page.rows if len(row) == 5 and row[0] == "2")
     assert complex(float(row[1]), float(row[2])) == pytest.approx(complex(result.poles[1]), rel=1e-8)  # nine digits
 
 
-def test_names_from_files_stay_text(result: Any, known: Any) -> None:
+def test_names_from_files_stay_text(result: EmaResult, known: Any) -> None:
     robot, *_ = known
     labels = tuple(f"{HOSTILE}.{axis}" for axis in "xyz")
     frfs = result.frfs
     named = replace(frfs, outputs=labels, inputs=labels, notes={HOSTILE: HOSTILE, "robot": HOSTILE, "file": HOSTILE})
     model = replace(result.model, outputs=labels, inputs=labels)
     estimate = SimpleNamespace(frfs=named, hits=(hit(0, HOSTILE, 3.0, HOSTILE),), remarks=(HOSTILE,))
-    hostile = changed(
+    hostile = replace(
         result, frfs=named, measured=named, model=model, scaling=modal_scaling(model), channels=labels,
         rejected=(rejected(5.0, 0.1, 3, HOSTILE),),
-        synthesized=lambda freq_hz=None: model.frfs(frfs.freq_hz if freq_hz is None else freq_hz, frfs.kind),
     )  # fmt: skip
-    plain = changed(result, frfs=replace(frfs, notes={"a": "b", "robot": "c", "file": "d"}))
+    plain = replace(result, frfs=replace(frfs, notes={"a": "b", "robot": "c", "file": "d"}))
     html = render(hostile, estimate=estimate, title=HOSTILE)
     page, usual = (
         Page(html),
@@ -273,7 +261,7 @@ def test_names_from_files_stay_text(result: Any, known: Any) -> None:
     assert robot.name not in page.text
 
 
-def test_nothing_is_written_where_there_is_no_folder(result: Any, tmp_path: Path) -> None:
+def test_nothing_is_written_where_there_is_no_folder(result: EmaResult, tmp_path: Path) -> None:
     with pytest.raises(DataFileError):
         write_ema_report(result, tmp_path / "missing" / "r.html")
     assert list(tmp_path.iterdir()) == []

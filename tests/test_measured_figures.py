@@ -355,7 +355,15 @@ def test_points_without_a_position_are_named() -> None:
     robot, *_ = kuka()
     table = ModeTable(KUKA.poles[:1], np.array([[1.0, 0.3]], complex), ("sensor.x", "table_3.z"))
     for draw in (shape_stills, shape_animation):
-        assert "without a position, not drawn: table_3" in said(draw(robot, "milling", table))
+        assert "without a position or a known motion, not drawn: table_3" in said(draw(robot, "milling", table))
+
+
+def test_a_point_whose_motion_is_not_known_is_left_out() -> None:
+    robot, *_ = kuka()
+    table = ModeTable(KUKA.poles[:1], np.array([[1.0, np.nan]], complex), ("sensor.x", "arm.z"))
+    motion = moving(robot, "milling", table)
+    assert motion.frame.names == ("sensor",)
+    assert motion.missing == ("arm",)
 
 
 def test_a_still_has_both_extremes_of_each_mode_in_one_scale() -> None:

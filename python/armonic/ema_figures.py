@@ -131,7 +131,8 @@ def macs(
     """AutoMAC of the identified modes, and MAC with the model where both have shapes at the same places."""
     own, found = frequency_labels(result.natural_freq_hz), []
     shapes = np.stack([np.asarray(mode.shape, np.complex128) for mode in result.modes], axis=1)
-    if len(shapes) > 1 and np.isfinite(shapes).all() and (np.abs(shapes).max(axis=0) > 0).all():
+    shapes = shapes[np.isfinite(shapes).all(axis=1)]
+    if len(shapes) > 1 and (np.abs(shapes).max(axis=0) > 0).all():
         figure = mac_matrix(mac(shapes, shapes), own, own, row_title="identified", column_title="identified")
         found.append(("AutoMAC of the identified modes", embed(figure)))
     if comparison is not None and reference is not None and comparison.mac is not None:

@@ -217,8 +217,9 @@ def _doubts(result: EmaResult) -> list[str]:
 
 def _remarks(result: EmaResult, estimate: FrfEstimate | None) -> list[str]:
     told = list(estimate.remarks) if estimate is not None else []
+    told += [_sentence(words) for words in result.remarks]
     if result.refinement is not None:
-        told += [_sentence(words) for words in (*_ended(result.refinement), *result.refinement.remarks)]
+        told += [_sentence(words) for words in _ended(result.refinement)]
     if result.modes:
         told += [_sentence(words) for words in result.scaling.remarks]
     if result.frfs.decay_rate:

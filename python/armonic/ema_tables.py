@@ -40,6 +40,7 @@ def mode_rows(result: EmaResult, reference: Modes | None, comparison: Comparison
             "damping_std": _spread(100 * float(result.damping_std[k]), 100 * damping, "%"),
             "orders": str(mode.orders),
             "first": str(mode.first_order),
+            "model": None,
         }
         pair = partner.get(k)
         if reference is not None:

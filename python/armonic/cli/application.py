@@ -12,6 +12,7 @@ import typer
 from armonic import __version__
 from armonic.cli import (
     INTERRUPTED,
+    analysing,
     demo,
     export,
     fitting,
@@ -44,6 +45,7 @@ for command in (
     planning.plan,
     simulating.simulate,
     tapping.tap,
+    analysing.ema,
     identifying.oma,
     robots.check,
     robots.robots,

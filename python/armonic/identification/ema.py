@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
+from armonic.comparison import ModeTable
 from armonic.errors import FrfError, SignalError
 from armonic.frf_set import FrfSet
 from armonic.identification.clustering import select_modes
@@ -114,6 +115,11 @@ class EmaResult:
     def damping_std(self) -> Array:
         """Standard deviation of each damping ratio, (modes,)."""
         return np.array([mode.damping_std for mode in self.modes])
+
+    def table(self) -> ModeTable:
+        """Poles and shapes with the names of their entries, as files of modes and `compare` take them."""
+        shapes = np.array([mode.shape for mode in self.modes]).reshape(len(self.modes), len(self.channels))
+        return ModeTable(self.poles, shapes, self.channels)
 
     def synthesized(
         self,

@@ -167,7 +167,7 @@ def _rest(motion: Moving) -> Array:
 
 
 def _missing(motion: Moving) -> str:
-    return f"without a position, not drawn: {html.escape(listing(list(motion.missing)))}"
+    return f"without a position or a known motion, not drawn: {html.escape(listing(list(motion.missing)))}"
 
 
 def _plain(heading: str) -> str:
@@ -274,7 +274,7 @@ def _scene(motion: Moving) -> dict[str, Any]:
         for k, letter in enumerate("xyz")
     }
     camera = {"up": _xyz(up), "eye": _xyz(seen), "projection": {"type": "orthographic"}}
-    return {"aspectmode": "manual", "aspectratio": _xyz(1.55 * size / size.max()), "camera": camera, **axes}
+    return {"aspectmode": "manual", "aspectratio": _xyz(2.1 * size / size.max()), "camera": camera, **axes}
 
 
 def _xyz(vector: Array) -> dict[str, float]:

@@ -43,7 +43,7 @@ class Moving:
         headings: of the modes: frequency and damping.
         paths: where every point is over one cycle, (modes, phases, points, 3), m; it begins where the motion is largest
             and does not come back to it.
-        missing: places of measured degrees of freedom that have no position.
+        missing: places of measured degrees of freedom that have no position, or no known motion.
     """
 
     frame: Wireframe
@@ -89,12 +89,17 @@ def moving(
     table = mode_table(shapes, "shapes")
     if table.shapes is None or table.coordinates is None:
         raise SignalError("shapes", found="modes without shapes", expected="shapes over PLACE.AXIS")
-    known = np.isfinite(table.shapes).all(axis=1) & np.asarray(table.poles.imag > 0)
-    chosen = _selected(select, known)
+    there = np.isfinite(table.shapes)
+    chosen = _selected(select, there.any(axis=1) & np.asarray(table.poles.imag > 0))
+    rows = [k - 1 for k in chosen]
+    columns = np.flatnonzero(there[rows].all(axis=0))
+    labels = [table.coordinates[d] for d in columns]
     back = None if robot is None else robot_wireframe(robot, _coordinates(robot, posture, ""))
-    frame, directions, missing = _measured_points(robot, posture, table.coordinates, geometry)
+    frame, directions = _measured_points(robot, posture, labels, geometry)
+    missing = tuple(dict.fromkeys(place for place, _ in map(split_label, table.coordinates)))
+    missing = tuple(place for place in missing if place not in frame.names)
     # Row d of a place's matrix is the direction of its degree of freedom d, so that their sum is the motion.
-    motion = np.einsum("md,dkx->mkx", table.shapes[[k - 1 for k in chosen]], directions)
+    motion = np.einsum("md,dkx->mkx", table.shapes[np.ix_(rows, columns)], directions)
     size = max(frame.size if len(frame.names) > 1 else 0.0, back.size if back is not None else 0.0) or 1.0
     paths = frame.points + _cycle(motion, share * size, phases)
     heads = tuple(_heading(k, table.natural_freq_hz[k - 1], table.damping_ratio[k - 1]) for k in chosen)
@@ -147,8 +152,8 @@ def _of_robot(robot: Robot, q: Array, modes: Modes, chosen: list[int], share: fl
 
 def _measured_points(
     robot: Robot | None, posture: Posture | None, labels: Sequence[str], geometry: Geometry | None
-) -> tuple[Wireframe, Array, tuple[str, ...]]:
-    """Points with a position, the direction of every degree of freedom at its point (d, k, 3), and places without."""
+) -> tuple[Wireframe, Array]:
+    """Points with a position, and the direction of every degree of freedom at its point, (d, k, 3)."""
     places = list(dict.fromkeys(split_label(label)[0] for label in labels if split_label(label)[1] in _AXES))
     frames = () if robot is None else robot.frames
     poses = np.zeros((0, 4, 4))
@@ -169,7 +174,7 @@ def _measured_points(
             if at == place and axis in _AXES:
                 directions[d, k] = own[:3, _AXES.index(axis)]
     wire = Wireframe(tuple(there), points, _lines(robot, there, geometry), upward(robot))
-    return wire, directions, tuple(place for place in places if place not in there)
+    return wire, directions
 
 
 def _lines(robot: Robot | None, places: list[str], geometry: Geometry | None) -> tuple[tuple[int, int], ...]:
