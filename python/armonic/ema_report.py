@@ -16,6 +16,7 @@ from armonic.plots.indicators import mode_indicators
 from armonic.plots.measured import frf_with_coherence
 from armonic.plots.nyquist import nyquist
 from armonic.plots.stabilization import stabilization_diagram
+from armonic.series import ROBOT_FILE
 from armonic.writing import write_whole
 
 if TYPE_CHECKING:
@@ -342,7 +343,7 @@ def _how(result: EmaResult, estimate: FrfEstimate | None) -> list[tuple[str, str
     return [*rows, *((f"note: {name}", note) for name, note in frfs.notes.items() if name not in _OWN_NOTES)]
 
 
-_OWN_NOTES = ("robot", "file", "robot_yaml")
+_OWN_NOTES = ("robot", "file", ROBOT_FILE)
 
 
 def _settings(thing: Any) -> list[str]:

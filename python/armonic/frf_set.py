@@ -230,11 +230,12 @@ class FrfSet:
             measured=self.measured[pair],
         )
 
-    def matrix(self, place: str | None = None) -> tuple[Frf, Array | None]:
+    def matrix(self, place: str | None = None, *, as_measured: bool = False) -> tuple[Frf, Array | None]:
         """The matrix of one place, driven where it is watched, and its coherence; axes in the order x y z rx ry rz.
 
         Args:
             place: by default the only one with both responses and forces.
+            as_measured: take lines beside the imaginary axis as if they lay on it, for figures.
 
         Raises:
             FrfError: there is no such place, none or several to choose from, a pair was not measured, or the lines lie
@@ -249,7 +250,7 @@ class FrfSet:
         place = both[0] if place is None else place
         if place not in both:
             raise FrfError("place", found=repr(place), expected=f"one of {', '.join(both) or 'none'}")
-        if self.decay_rate:
+        if self.decay_rate and not as_measured:
             raise FrfError(
                 "FrfSet.decay_rate",
                 found=f"an exponential window of {self.decay_rate:g}/s",

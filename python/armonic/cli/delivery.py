@@ -23,7 +23,7 @@ UNDER_LAW = (
 def deliver(
     fit: Fit,
     postures: Sequence[str],
-    robot: Path,
+    robot: Path | None,
     report: Path | None,
     *,
     as_json: bool,
@@ -35,7 +35,7 @@ def deliver(
     Args:
         fit: the result.
         postures: what to call each of `fit.postures`.
-        robot: where the updated robot goes.
+        robot: where the updated robot goes; it is only shown if there is no place.
         report: where the report goes, if one is wanted.
         as_json: print one JSON object, at the end, instead of tables.
         true_values: values by path, to be shown beside.
@@ -49,8 +49,9 @@ def deliver(
     written: dict[str, str] = {}
     failure: ArmonicError | OSError | None = None
     try:  # before the tables, which end the process if nobody reads them, as under `| head`
-        fit.robot.save(robot)
-        written["robot"] = str(robot)
+        if robot is not None:
+            fit.robot.save(robot)
+            written["robot"] = str(robot)
     except (ArmonicError, OSError) as error:
         failure = error
     if not as_json:
@@ -74,12 +75,12 @@ def deliver(
         return refuse(failure, as_json=False)
     if fit.status != "interrupted":
         return 0
-    kept = f"interrupted: the best of {fit.evaluations} evaluations was kept and written"
+    kept = f"interrupted: the best of {fit.evaluations} evaluations was kept{' and written' if written else ''}"
     remark(f"{kept}; {more}" if more else kept)
     return INTERRUPTED
 
 
-def _write_report(fit: Fit, report: Path, robot: Path) -> None:
+def _write_report(fit: Fit, report: Path, robot: Path | None) -> None:
     from armonic.report import write_report
 
     try:
@@ -90,5 +91,5 @@ def _write_report(fit: Fit, report: Path, robot: Path) -> None:
             f"--report {report}",
             found=found,
             expected="a report that can be written",
-            hint=f"The updated robot is safe in {robot}.",
+            hint=None if robot is None else f"The updated robot is safe in {robot}.",
         ) from error

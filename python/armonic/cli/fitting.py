@@ -16,6 +16,7 @@ from armonic.cli.measured import (
     InputsOption,
     KindOption,
     Many,
+    MapOption,
     OutputsOption,
     Reading,
     ReferenceNodeOption,
@@ -23,6 +24,7 @@ from armonic.cli.measured import (
     ResponsesOption,
     ScaleOption,
     SymmetrizeOption,
+    SynthesizeFlag,
     measurements,
 )
 from armonic.cli.outputs import check_output
@@ -44,9 +46,12 @@ _OPTIONS = {
 
 def update(
     robot: RobotName,
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="The updated robot file.")],
     files: Annotated[
-        list[Path] | None, typer.Argument(metavar="FRF_FILE", help="Measured responses: .uff or .csv.")
+        list[Path] | None,
+        typer.Argument(metavar="FRF_FILE", help="Measured: responses or time records, .uff, .csv, .h5."),
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="The updated robot file.")
     ] = None,
     report: Annotated[
         Path | None,
@@ -112,6 +117,8 @@ def update(
     response_node: ResponseNodeOption = None,
     reference_node: ReferenceNodeOption = None,
     symmetrize: SymmetrizeOption = None,
+    synthesize: SynthesizeFlag = False,
+    channels: MapOption = None,
     parameters: Annotated[
         str,
         typer.Option(
@@ -271,11 +278,16 @@ def update(
         **{"starts": starts, "seed": seed, "threads": threads, "tolerance": tolerance},
         **{"max_evaluations": max_evaluations, "checkpoint": checkpoint},
     }
-    reading = Reading(kind, scale, axes, outputs, inputs, responses, response_node, reference_node, band, symmetrize)
-    sources = [*frf_files, *modal_files, *(coherence or ()), *([checkpoint] if checkpoint else [])]
-    check_output("-o", output, force=force, sources=sources)
+    reading = Reading(
+        *(kind, scale, axes, outputs, inputs, responses, response_node, reference_node, band, symmetrize),
+        channels=channels,
+        synthesize=synthesize,
+    )
+    sources = [*frf_files, *modal_files, *(coherence or ()), *(path for path in (checkpoint, channels) if path)]
+    if output is not None:
+        check_output("-o", output, force=force, sources=sources)
     if report is not None:
-        check_output("--report", report, force=force, sources=[*sources, output, Path(robot)])
+        check_output("--report", report, force=force, sources=[*sources, *([output] if output else []), Path(robot)])
     the_robot = arguments.open_robot(robot)
     measured, modal, labels = measurements(
         the_robot,

@@ -11,8 +11,10 @@ import typer
 
 from armonic.cli import arguments
 from armonic.cli.arguments import UsageError
+from armonic.errors import DataFileError
 
 if TYPE_CHECKING:
+    from armonic.identification.modal_model import Side
     from armonic.response import Frf
     from armonic.robot import Robot
     from armonic.updating import Measurement, ModalMeasurement
@@ -75,6 +77,25 @@ SymmetrizeOption = Annotated[
 ]
 
 
+SynthesizeFlag = Annotated[
+    bool,
+    typer.Option(
+        "--synthesize",
+        help="Identify modes in the measurement and fit responses made of them, reciprocal and without noise.",
+        rich_help_panel=_FILES,
+    ),
+]
+MapOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--channels",
+        metavar="FILE",
+        help="What a file's channels are: a map from names or nodes to frames and axes, .yaml or .csv.",
+        rich_help_panel=_FILES,
+    ),
+]
+
+
 @dataclass(frozen=True)
 class Reading:
     """How measured files are to be read, where they do not say it themselves; None leaves it to the file."""
@@ -89,6 +110,8 @@ class Reading:
     reference_node: int | None = None
     band: str | None = None
     symmetrize: str | None = None
+    channels: Path | None = None
+    synthesize: bool = False
 
     def read(self, path: Path) -> list[Frf]:
         """The responses of one file: its matrix, or each of `responses` by itself.
@@ -133,6 +156,35 @@ class Reading:
         if self.symmetrize is not None:
             frf = frf.symmetrized(arguments.choice("--symmetrize", self.symmetrize, ("average", "upper", "lower")))
         return frf
+
+    def set_of(self, path: Path, place: str | None) -> tuple[Frf, Any, Frf | None] | None:
+        """Response, coherence and raw response of a file that is read as a set: of time records, or to synthesize.
+
+        None for a file of one matrix of responses that is to be fitted as it is.
+
+        Raises:
+            UsageError: options of files with one matrix beside it.
+            ArmonicError: the file makes no responses.
+        """
+        if not (self.synthesize or self.channels is not None or _holds_records(path)):
+            return None
+        others = ("kind", "scale", "axes", "outputs", "inputs", "responses", "response_node", "reference_node")
+        if typed := [name for name in others if getattr(self, name) is not None]:
+            option = f"--{typed[0].replace('_', '-')}"
+            hint = "Say with --channels what the file's channels are."
+            raise UsageError(option, found=f"it with {path.name}", expected="a file of responses alone", hint=hint)
+        from armonic.cli.synthesizing import measured_matrix, synthesized_matrix
+
+        band = None if self.band is None else arguments.band(self.band)
+        sides: tuple[Side, ...] = ("average", "upper", "lower")
+        side: Side | None = (
+            None if self.symmetrize is None else arguments.choice("--symmetrize", self.symmetrize, sides)
+        )
+        if self.synthesize:
+            frf, raw = synthesized_matrix(path, self.channels, band=band, place=place, side=side or "average")
+            return frf, None, raw
+        frf, coherence = measured_matrix(path, self.channels, band=band, place=place)
+        return (frf, coherence, None) if side is None else (frf.symmetrized(side), None, None)
 
     def with_coherence(self, frfs: Sequence[Frf], path: Path | None) -> list[tuple[Frf, Any]]:
         """Each response with its coherence from a file, (L, outputs, inputs); None if there is no file.
@@ -201,6 +253,14 @@ def measurements(
     responses: list[Measurement] = []
     beside: Sequence[Path | None] = coherence or [None] * len(files)
     for path, (posture, _), sensor, noise in zip(files, places, sensors, beside, strict=False):
+        if (found := reading.set_of(path, sensor)) is not None:
+            if noise is not None:
+                raise UsageError("--coherence", found=f"it with {path.name}", expected="a file of responses alone")
+            frf, quality, raw = found
+            at = sensor if sensor is not None and frf.frame not in robot.frames else None
+            frame = arguments.frame(robot, at) if at else _sensor(robot, path, frf, sensor)
+            responses.append(Measurement(frf, posture, frame, weights, label=path.name, coherence=quality, raw=raw))
+            continue
         responses += [
             Measurement(
                 frf,
@@ -214,6 +274,22 @@ def measurements(
         ]
     modal = [_modes(path, posture) for path, (posture, _) in zip(modes, places[len(files) :], strict=True)]
     return responses, modal, list(labels.values())
+
+
+def _holds_records(path: Path) -> bool:
+    """Whether a file that can hold time records does, and no frequency responses."""
+    if path.suffix.lower() not in (".uff", ".unv", ".uf58", ".h5", ".hdf5"):
+        return False
+    if path.suffix.lower() in (".h5", ".hdf5"):
+        return True
+    from armonic.files.cells import read_bytes
+    from armonic.files.uff_reader import parse
+
+    try:
+        functions, ignored = parse(read_bytes(path), str(path))
+    except DataFileError:
+        return False  # the reader of matrices says what is wrong
+    return not functions and any("function type 1 " in what for what in ignored)
 
 
 def _modes(path: Path, posture: Any) -> ModalMeasurement:

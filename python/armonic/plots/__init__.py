@@ -1,11 +1,15 @@
-"""Figures as plotly objects: FRF and MAC matrices, fits, surveys, mode shapes and robots."""
+"""Figures as plotly objects: responses, modes and their shapes, MAC matrices, fits, surveys and robots."""
 
 from armonic.plots.determined import BAND_NAME, add_bands, correlation_matrix, principal_directions, profile_curve
 from armonic.plots.fitting import bounded_intervals, parameter_intervals
 from armonic.plots.history import cost_history
+from armonic.plots.indicators import mode_indicators
 from armonic.plots.look import FONT_STACK, TEMPLATE, VERDICT_COLOURS
 from armonic.plots.maps import campbell, damping_map, frequency_map
 from armonic.plots.matrices import frf_matrix, mac_matrix
+from armonic.plots.measured import frf_with_coherence
+from armonic.plots.motion import shape_animation, shape_stills
+from armonic.plots.nyquist import nyquist
 from armonic.plots.samples import sample_map
 from armonic.plots.series import time_histories
 from armonic.plots.shapes import mode_shapes
@@ -26,13 +30,18 @@ __all__ = [
     "damping_map",
     "frequency_map",
     "frf_matrix",
+    "frf_with_coherence",
     "heat_map",
     "mac_matrix",
+    "mode_indicators",
     "mode_shapes",
+    "nyquist",
     "parameter_intervals",
     "principal_directions",
     "profile_curve",
     "sample_map",
+    "shape_animation",
+    "shape_stills",
     "skeleton",
     "stabilization_diagram",
     "time_histories",

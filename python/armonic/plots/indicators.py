@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from armonic.identification.mode_indicators import complex_mode_indicator, multivariate_mode_indicator
 from armonic.plots.look import GRID, MUTED, log_axis, mode_colour
 from armonic.plots.panes import WIDTH, Sheet
 from armonic.plots.series import thinned
@@ -41,6 +40,8 @@ def mode_indicators(frfs: FrfSet, freq_hz: Sequence[float] = ()) -> go.Figure:
         frfs: the responses; pairs that were not measured count as zero.
         freq_hz: where the modes lie that were found, numbered from 1 in this order.
     """
+    from armonic.identification.mode_indicators import complex_mode_indicator, multivariate_mode_indicator
+
     f = frfs.freq_hz
     sheet = Sheet(_TOP + sum(_HEIGHTS) + _GAP + _UNDER, hovermode="x unified")
     values, dips = complex_mode_indicator(frfs), multivariate_mode_indicator(frfs)

@@ -99,7 +99,7 @@ def moving(
     missing = tuple(dict.fromkeys(place for place, _ in map(split_label, table.coordinates)))
     missing = tuple(place for place in missing if place not in frame.names)
     # Row d of a place's matrix is the direction of its degree of freedom d, so that their sum is the motion.
-    motion = np.einsum("md,dkx->mkx", table.shapes[np.ix_(rows, columns)], directions)
+    motion = np.einsum("md,dkx->mkx", table.shapes[rows][:, columns], directions)
     size = max(frame.size if len(frame.names) > 1 else 0.0, back.size if back is not None else 0.0) or 1.0
     paths = frame.points + _cycle(motion, share * size, phases)
     heads = tuple(_heading(k, table.natural_freq_hz[k - 1], table.damping_ratio[k - 1]) for k in chosen)

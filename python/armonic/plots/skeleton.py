@@ -12,6 +12,7 @@ import plotly.graph_objects as go
 from armonic.errors import PostureError
 from armonic.plots.dataset import evenly
 from armonic.plots.look import INK, MUTED, TEMPLATE
+from armonic.plots.wireframe import joined_frames
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -54,7 +55,7 @@ def skeleton(
         raise PostureError("shown", found=str(shown), expected="at least one posture")
     kept = evenly(len(q), shown)
     origins = np.stack([_pose(robot, q[kept], name)[:, :3, 3] for name in robot.frames], axis=1)
-    lines = _lines(robot)
+    lines = joined_frames(robot)
     tip = _tip(robot)
     trail = _pose(robot, q[evenly(len(q), MAX_TRACE)], tip)[:, :3, 3]
     figure = go.Figure(layout={"template": TEMPLATE, "height": 520, "hovermode": "closest"})
@@ -99,23 +100,6 @@ def _pose(robot: Robot, q: Array, frame: str) -> Array:
     return robot.mechanism.pose(np.ascontiguousarray(q), robot.frame_index(frame))
 
 
-def _lines(robot: Robot) -> list[tuple[int, int]]:
-    """Pairs of frames to join: each link with the one it hangs on, each frame of the file with its link."""
-    tree = robot.tree
-    owner = {-1: 0}
-    for frame, node in enumerate(tree.frame_nodes):
-        owner.setdefault(node, frame)
-    pairs = []
-    for frame, node in enumerate(tree.frame_nodes):
-        if frame == 0:
-            continue
-        above = tree.parents[node] if owner[node] == frame else node
-        while above not in owner:
-            above = tree.parents[above]
-        pairs.append((owner[above], frame))
-    return pairs
-
-
 def _tip(robot: Robot) -> str:
     """The frame of the tool; without one, the last frame."""
     tool = getattr(robot.description, "tool", None)
@@ -126,7 +110,7 @@ def _robot(
     figure: go.Figure,
     robot: Robot,
     origins: Array,
-    lines: list[tuple[int, int]],
+    lines: Sequence[tuple[int, int]],
     common: dict[str, Any],
     colour: str,
 ) -> None:

@@ -48,7 +48,7 @@ def robot_wireframe(robot: Robot, q: Array) -> Wireframe:
         q: all its coordinates, (n,).
     """
     points = frame_poses(robot, q[None])[0, :, :3, 3]
-    return Wireframe(robot.frames, points, tuple(_joined(robot)), upward(robot))
+    return Wireframe(robot.frames, points, joined_frames(robot), upward(robot))
 
 
 def frame_poses(robot: Robot, q: Array) -> Array:
@@ -84,7 +84,8 @@ def picture_axes(seen_from: Array, up: Array) -> Array:
     return np.stack([right, np.cross(seen_from, right)])
 
 
-def _joined(robot: Robot) -> list[tuple[int, int]]:
+def joined_frames(robot: Robot) -> tuple[tuple[int, int], ...]:
+    """Pairs of frames to join, by index: each link with the one it hangs on, each frame of the file with its link."""
     tree = robot.tree
     owner = {-1: 0}
     for frame, node in enumerate(tree.frame_nodes):
@@ -97,4 +98,4 @@ def _joined(robot: Robot) -> list[tuple[int, int]]:
         while above not in owner:
             above = tree.parents[above]
         pairs.append((owner[above], frame))
-    return pairs
+    return tuple(pairs)
