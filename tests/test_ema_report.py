@@ -114,7 +114,7 @@ def test_complexity_mass_and_modal_a_are_those_of_the_residues(result: EmaResult
         assert float(row[6]) == pytest.approx(a / (2 * result.poles[k].imag), rel=0.01)
         assert abs(float(angle.removesuffix("°")) - 90) < 2
         assert float(row[2]) > 0.999
-    assert "Modal mass and modal A are those of shapes of unit length." in words(page)
+    assert "Modal mass (kg for translations) and modal A are those of shapes of unit length." in words(page)
 
 
 def test_shapes_without_a_driving_point_have_no_scale_and_the_report_says_why(known: Any) -> None:

@@ -18,6 +18,7 @@ from armonic.page import WIDTH
 from armonic.plots.matrices import mac_matrix
 from armonic.plots.motion import shape_animation, shape_stills
 from armonic.response import KINDS
+from armonic.synthesis import AXES
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -51,7 +52,8 @@ class Place:
 
     def framed(self, label: str) -> bool:
         """Whether a degree of freedom is one of a frame of the robot."""
-        return self.robot is not None and split_label(label)[0] in self.robot.frames
+        frame, axis = split_label(label)
+        return self.robot is not None and frame in self.robot.frames and axis in AXES
 
 
 def compared(result: EmaResult, reference: Modes, place: Place) -> Comparison:

@@ -278,7 +278,7 @@ def _scaling_words(result: EmaResult) -> str:
     )
     scaling = result.scaling
     if scaling.scaled.any():
-        told += " Modal mass and modal A are those of shapes of unit length."
+        told += " Modal mass (kg for translations) and modal A are those of shapes of unit length."
     for reason in dict.fromkeys(scaling.unscaled):
         if reason:
             numbers = [str(k + 1) for k, why in enumerate(scaling.unscaled) if why == reason]

@@ -196,6 +196,8 @@ class _Walk:
             elif text := h5py.check_string_dtype(kind):
                 if data.size > _MOST_TEXTS:
                     self.leave(path, f"{data.size} texts, more than {_MOST_TEXTS}")
+                elif text.length is None and data.id.get_create_plist().get_nfilters():
+                    self.leave(path, "texts of any length, packed")  # where they point cannot be checked
                 elif text.length is not None or self.heaps:
                     group.texts[name] = tuple(_text(item) for item in np.asarray(data[()]).ravel())
             elif letter := _kind(data.id.get_type()):

@@ -45,6 +45,8 @@ MOST_ORDER: dict[str, int] = {"plscf": 60, "lsce": 60}
 """Largest model order where none is asked for."""
 FAR = 0.1
 """A pole that refinement moves by more than this share is not the one that was selected."""
+LEAST_ENERGY = 1e-10
+"""No measurement shows a mode of a smaller share of the energy."""
 SAME = 1e-3
 """Two poles closer than this share after refinement are one mode found twice."""
 
@@ -276,6 +278,9 @@ def _refuted(found: Refinement, start: NDArray[np.complex128], frfs: FrfSet) -> 
     weak = int(np.argmin(found.significance))
     if found.significance[weak] < WEAK:
         return weak, "the responses are fitted as well without it: a pole in noise"
+    faint = int(np.argmin(found.energy_share))
+    if found.energy_share[faint] < LEAST_ENERGY:
+        return faint, "it has no part in the responses: a pole of rounding"
     for k, (pole, before) in enumerate(zip(model.poles, start, strict=True)):
         if pole.real >= 0:
             return k, "refined, it grows"
