@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -85,7 +85,7 @@ def exponentials_of(
         lagged = np.concatenate([scaled[j : count - most + j] for j in range(most + 1)], axis=2).reshape(
             -1, (most + 1) * m
         )
-        triangle = np.linalg.qr(lagged, mode="r")
+        triangle: Any = np.linalg.qr(lagged, mode="r")
 
         def form(order: int) -> Array:
             leading = triangle[:, : (order + 1) * m]

@@ -47,6 +47,8 @@ FAR = 0.1
 """A pole that refinement moves by more than this share is not the one that was selected."""
 LEAST_ENERGY = 1e-10
 """No measurement shows a mode of a smaller share of the energy."""
+SATELLITE = 0.3
+"""A pole beside a mode that has less of the energy than this share of it is a satellite."""
 SAME = 1e-3
 """Two poles closer than this share after refinement are one mode found twice."""
 
@@ -290,6 +292,14 @@ def _refuted(found: Refinement, start: NDArray[np.complex128], frfs: FrfSet) -> 
         near[k] = False
         if near.any() and found.significance[k] <= found.significance[near].max():
             return k, "refined, it falls together with another mode"
+    freq, damping, share = model.natural_freq_hz, model.damping_ratio, found.energy_share
+    for k in np.argsort(share):
+        # Within its own half-power bandwidth of a stronger mode with less damping.
+        near = np.abs(freq - freq[k]) < damping[k] * freq[k]
+        near &= (share > share[k] / SATELLITE) & (damping < damping[k])
+        if near.any():
+            told = f"a satellite of the mode at {freq[np.argmax(near)]:.4g} Hz, as amplitudes make them that change"
+            return int(k), f"{told} stiffness"
     outside = (model.natural_freq_hz < frfs.freq_hz[0]) | (model.natural_freq_hz > frfs.freq_hz[-1])
     if outside.any():
         return int(np.argmax(outside)), "refined, it lies outside the band"

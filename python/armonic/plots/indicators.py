@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -34,7 +35,9 @@ def mode_indicators(frfs: FrfSet, freq_hz: Sequence[float] = ()) -> go.Figure:
 
     A peak of a singular value of the FRF matrix is a mode (Shih, Tsuei, Allemang and Brown 1988); of two close together
     each has a peak of its own, one in the first and one in the second. The MMIF dips to zero where some combination of
-    the forces makes the structure respond as a single real mode (Williams, Crowley and Vold 1985).
+    the forces makes the structure respond as a single real mode (Williams, Crowley and Vold 1985). Of more forces than
+    responses some combination always moves nothing that is watched; then the MMIF is that of the transposed matrix, as
+    reciprocity allows.
 
     Args:
         frfs: the responses; pairs that were not measured count as zero.
@@ -42,9 +45,11 @@ def mode_indicators(frfs: FrfSet, freq_hz: Sequence[float] = ()) -> go.Figure:
     """
     from armonic.identification.mode_indicators import complex_mode_indicator, multivariate_mode_indicator
 
+    if frfs.freq_hz[0] == 0 and len(frfs.freq_hz) > 1:  # where accelerance does not determine receptance
+        frfs = frfs.lines(np.arange(1, len(frfs.freq_hz)))
     f = frfs.freq_hz
     sheet = Sheet(_TOP + sum(_HEIGHTS) + _GAP + _UNDER, hovermode="x unified")
-    values, dips = complex_mode_indicator(frfs), multivariate_mode_indicator(frfs)
+    values, dips = complex_mode_indicator(frfs), multivariate_mode_indicator(_tall(frfs))
     limits = [float(f[0]), float(f[-1])] if len(f) > 1 else [float(f[0]) - 0.5, float(f[0]) + 0.5]
     width, colours = WIDTH - _LEFT - 12, {"gridcolor": GRID, "tickfont": {"color": MUTED, "size": 11}}
     across = {"range": limits, "nticks": 12, "hoverformat": ".6~g"}
@@ -85,6 +90,21 @@ def mode_indicators(frfs: FrfSet, freq_hz: Sequence[float] = ()) -> go.Figure:
             upper.upright(float(at), str(number), color=mode_colour(number), width=1.1)
             lower.upright(float(at), color=mode_colour(number), width=1.1)
     return sheet.figure
+
+
+def _tall(frfs: FrfSet) -> FrfSet:
+    """The responses with no more forces than places: transposed if need be."""
+    if len(frfs.inputs) <= len(frfs.outputs):
+        return frfs
+    return replace(
+        frfs,
+        values=frfs.values.swapaxes(1, 2),
+        outputs=frfs.inputs,
+        inputs=frfs.outputs,
+        measured=frfs.measured.T,
+        coherence=None,
+        averages=None,
+    )
 
 
 def _ordinal(k: int) -> str:
