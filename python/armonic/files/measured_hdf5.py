@@ -151,7 +151,7 @@ def _group(file: Any, name: str, kind: str, notes: Mapping[str, str]) -> Any:
     group = file.create_group(name)
     _say(group, "kind", kind)
     if notes:
-        group["notes"] = np.bytes_(json.dumps(dict(notes)).encode())  # escaped, so that every character has a place
+        _put_texts(group, "notes", [json.dumps(dict(notes))])  # escaped, so that every character has a place
     return group
 
 
@@ -171,7 +171,11 @@ def _put(group: Any, name: str, array: NDArray[Any]) -> None:
 def _put_texts(group: Any, name: str, texts: Sequence[str]) -> None:
     coded = [text.encode() for text in texts]
     width = max([1, *map(len, coded)])
-    group[name] = np.array(coded, dtype=h5py.string_dtype("utf-8", width))
+    array = np.array(coded, dtype=h5py.string_dtype("utf-8", width))
+    if coded:
+        group.create_dataset(name, data=array, chunks=(len(coded),), compression=1, fletcher32=True)
+    else:
+        group[name] = array
 
 
 def _own(
