@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from armonic.catalog import names as robots
     from armonic.checks import Finding, check
     from armonic.comparison import Comparison, ModePair, ModeTable, compare
+    from armonic.comparison_at import modes_at
+    from armonic.ema_report import write_ema_report
     from armonic.errors import (
         ArmonicError,
         DataFileError,
@@ -33,10 +35,18 @@ if TYPE_CHECKING:
         SurveyError,
         UpdateError,
     )
+    from armonic.experiment.estimation import FrfEstimate, estimate_frf
+    from armonic.experiment.hits import Hit, find_hits
     from armonic.files import read_csv, read_frf, read_uff, write_csv, write_frf, write_uff
+    from armonic.files.channel_map import ChannelMap, read_channel_map
+    from armonic.files.measured_file import Geometry, MeasuredFile
+    from armonic.files.measured_files import read_measured, write_measured
     from armonic.files.series_files import read_series, write_series
+    from armonic.frf_set import FrfSet
     from armonic.identification.clustering import select_modes
+    from armonic.identification.ema import EmaResult, ema
     from armonic.identification.grid_search import grid_search
+    from armonic.identification.modal_model import ModalModel
     from armonic.identification.oma import OmaResult, oma
     from armonic.identification.poles import ModelPoles
     from armonic.identification.selection import RejectedMode, SelectedMode
@@ -65,6 +75,7 @@ if TYPE_CHECKING:
     from armonic.simulation.measured_force import MeasuredForce
     from armonic.simulation.running import Run, simulate
     from armonic.simulation.sensors import AntiAlias, Sensor, encoders, measure
+    from armonic.simulation.tap_test import TapTest, tap_test
     from armonic.stability import GainMargin, gain_margins
     from armonic.state_space import StateSpace
     from armonic.surveying import Grid, Sample, path, survey
@@ -97,11 +108,13 @@ __all__ = [
     "BandNoise",
     "Candidate",
     "Channel",
+    "ChannelMap",
     "Comparison",
     "Coulomb",
     "Criteria",
     "DataFileError",
     "Direction",
+    "EmaResult",
     "Excitation",
     "Finding",
     "Fit",
@@ -109,18 +122,24 @@ __all__ = [
     "Frf",
     "FrfBands",
     "FrfError",
+    "FrfEstimate",
+    "FrfSet",
     "GainMargin",
     "Genetic",
+    "Geometry",
     "Grid",
     "HammerPulse",
     "Hardening",
+    "Hit",
     "Impulse",
     "Law",
     "LinearModel",
+    "MeasuredFile",
     "MeasuredForce",
     "Measurement",
     "ModalIntervals",
     "ModalMeasurement",
+    "ModalModel",
     "ModePair",
     "ModeTable",
     "ModelError",
@@ -152,6 +171,7 @@ __all__ = [
     "Step",
     "SurveyError",
     "Sweep",
+    "TapTest",
     "TimeSeries",
     "UpdateError",
     "candidates",
@@ -159,7 +179,10 @@ __all__ = [
     "compare",
     "correlation",
     "directions",
+    "ema",
     "encoders",
+    "estimate_frf",
+    "find_hits",
     "frac",
     "frf",
     "frf_bands",
@@ -172,13 +195,16 @@ __all__ = [
     "measure",
     "modal_intervals",
     "modes",
+    "modes_at",
     "oma",
     "path",
     "peak_weights",
     "plan_measurement",
     "profile",
+    "read_channel_map",
     "read_csv",
     "read_frf",
+    "read_measured",
     "read_series",
     "read_uff",
     "responses",
@@ -187,11 +213,14 @@ __all__ = [
     "simulate",
     "stabilize",
     "survey",
+    "tap_test",
     "update",
     "write_csv",
+    "write_ema_report",
     "write_frf",
     "write_identification_report",
     "write_map_report",
+    "write_measured",
     "write_report",
     "write_run_report",
     "write_series",
@@ -210,7 +239,18 @@ _HOME = {
     ),
     "files": ("read_csv", "read_frf", "read_uff", "write_csv", "write_frf", "write_uff"),
     "comparison": ("Comparison", "ModePair", "ModeTable", "compare"),
+    "comparison_at": ("modes_at",),
+    "ema_report": ("write_ema_report",),
+    "experiment.estimation": ("FrfEstimate", "estimate_frf"),
+    "experiment.hits": ("Hit", "find_hits"),
+    "files.channel_map": ("ChannelMap", "read_channel_map"),
+    "files.measured_file": ("Geometry", "MeasuredFile"),
+    "files.measured_files": ("read_measured", "write_measured"),
     "files.series_files": ("read_series", "write_series"),
+    "frf_set": ("FrfSet",),
+    "identification.ema": ("EmaResult", "ema"),
+    "identification.modal_model": ("ModalModel",),
+    "simulation.tap_test": ("TapTest", "tap_test"),
     "identification.grid_search": ("grid_search",),
     "identification.oma": ("OmaResult", "oma"),
     "identification.poles": ("ModelPoles",),

@@ -181,8 +181,7 @@ class Reading:
             None if self.symmetrize is None else arguments.choice("--symmetrize", self.symmetrize, sides)
         )
         if self.synthesize:
-            frf, raw = synthesized_matrix(path, self.channels, band=band, place=place, side=side or "average")
-            return frf, None, raw
+            return synthesized_matrix(path, self.channels, band=band, place=place, side=side or "average")
         frf, coherence = measured_matrix(path, self.channels, band=band, place=place)
         return (frf, coherence, None) if side is None else (frf.symmetrized(side), None, None)
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from armonic.cli.campaign import Estimating, Responses, responses, stages
 from armonic.cli.terminal import remark
 from armonic.errors import SignalError
@@ -33,10 +35,11 @@ def measured_matrix(
 
 def synthesized_matrix(
     path: Path, channels: Path | None, *, band: tuple[float, float] | None, place: str | None, side: Any
-) -> tuple[Frf, Frf]:
-    """The matrix synthesized from the modes of a measured file, made reciprocal, and the one that was measured.
+) -> tuple[Frf, Any, Frf]:
+    """The matrix synthesized from the modes of a measured file, made reciprocal, its coherence, and the one measured.
 
-    The route of Huynh et al. 2021, section 5.3: measured, identified, synthesized, symmetrized, then fitted.
+    The route of Huynh et al. 2021, section 5.3: measured, identified, synthesized, symmetrized, then fitted. The
+    coherence is that of the measurement, of two cross responses the lower: a synthesized value is no better known.
 
     Args:
         path: time records or frequency responses.
@@ -64,8 +67,10 @@ def synthesized_matrix(
         )
     _tell_modes(path, result)
     frf, _ = result.synthesized(symmetric=side).matrix(at)
-    raw, _ = result.frfs.matrix(at, as_measured=True)
-    return frf, raw
+    raw, coherence = result.frfs.matrix(at, as_measured=True)
+    if coherence is not None and frf.outputs == frf.inputs:
+        coherence = np.minimum(coherence, coherence.swapaxes(1, 2))
+    return frf, coherence, raw
 
 
 def _place(found: Responses, typed: str | None) -> str | None:

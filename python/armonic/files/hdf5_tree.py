@@ -29,6 +29,7 @@ _MOST_OBJECTS, _DEEPEST = 20000, 16
 _MOST_TEXTS, _MOST_ATTRIBUTE = 20000, 1 << 20
 _FILTERS = frozenset((1, 2, 3, 32000))
 """Deflate, shuffle, Fletcher32 and LZF, which HDF5 and h5py have inside; no plugin is loaded."""
+_CHECKSUM, _PACKING = 3, {1, 32000}
 _NUMBERS = [
     order + kind for order in "<>" for kind in ("f8", "f4", "f2", "i8", "i4", "i2", "i1", "u8", "u4", "u2", "u1")
 ]
@@ -249,13 +250,34 @@ def _refusal(data: h5py.Dataset) -> str | None:
     if data.chunks is not None:
         if math.prod(data.chunks) * data.id.get_type().get_size() > _MOST_CHUNK:
             return "chunks larger than 1 GB"
-        wanted = math.prod(-(-n // c) for n, c in zip(data.shape, data.chunks, strict=True))
-        if (there := data.id.get_num_chunks()) < wanted:  # HDF5 would read them as zeros
-            return f"{wanted - there} of {wanted} chunks missing"
+        if fault := _chunk_fault(data, codes):
+            return fault
         if size > INFLATION * max(stored, 1):
             return f"{stored} bytes that unpack to {size}"
     elif stored < size:
         return f"{stored} bytes stored of {size}"
+    return None
+
+
+def _chunk_fault(data: h5py.Dataset, codes: list[int]) -> str | None:
+    """What is wrong with the list of chunks, which has no checksum of its own."""
+    found: dict[tuple[int, ...], Any] = {}
+    data.id.chunk_iter(lambda info: found.__setitem__(tuple(info.chunk_offset), info))
+    wanted = math.prod(-(-n // c) for n, c in zip(data.shape, data.chunks, strict=True))
+    there = [
+        info
+        for at, info in found.items()
+        if all(k % c == 0 and k < n for k, c, n in zip(at, data.chunks, data.shape, strict=True))
+    ]
+    if len(there) < wanted:  # HDF5 would read them as zeros
+        return f"{wanted - len(there)} of {wanted} chunks missing"
+    plain = math.prod(data.chunks) * data.id.get_type().get_size()
+    for info in there:
+        used = [code for k, code in enumerate(codes) if not info.filter_mask >> k & 1]
+        if _CHECKSUM in codes and _CHECKSUM not in used:
+            return "a chunk without its checksum"
+        if not _PACKING & set(used) and info.size != plain + 4 * (_CHECKSUM in used):
+            return f"a chunk of {info.size} bytes instead of {plain}"
     return None
 
 

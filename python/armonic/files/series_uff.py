@@ -14,12 +14,10 @@ from armonic.errors import DataFileError
 from armonic.files import uff_reader, uff_writer
 from armonic.files.cells import AXES, read_bytes
 from armonic.files.sampling import AGREE, Array, built, plain, settle
-from armonic.files.uff_reader import FUNCTION_TYPES, HEADER_LINES, NUMBER, Units, shown
+from armonic.files.uff_reader import FUNCTION_TYPES, HEADER_LINES, NUMBER, TIME, TIME_RESPONSE, Units, shown
 from armonic.series import Quantity, TimeSeries
 from armonic.writing import write_whole
 
-TIME_RESPONSE = 1
-TIME = 17
 _TYPES: dict[Quantity, int] = {
     "joint_position": 8, "motor_position": 8, "displacement": 8,
     "joint_velocity": 11, "motor_velocity": 11, "velocity": 11,
@@ -192,47 +190,27 @@ def _records(data: bytes, name: str) -> list[_Record]:
 
 
 def _record(reader: uff_reader.Reader, units: Units, binary: str | None) -> tuple[int, _Record | None]:
-    lines, places = [], []
-    for count in range(HEADER_LINES):
-        if reader.offset >= len(reader.data) or uff_reader.CLOSE.match(reader.data, reader.offset):
-            found, expected = f"{count} header lines", f"{HEADER_LINES} header lines of data set 58"
-            raise reader.error(found, expected, uff_reader.TRUNCATED)
-        places.append(reader.offset)
-        lines.append(reader.line())
-    dof, form, abscissa = lines[5:8]
-    kind = reader.integer(dof[0:5], "function type", places[5])
+    kind, lines, places = uff_reader.read_lines_58(reader)
     if kind != TIME_RESPONSE:
         reader.to_close(binary=binary is not None)
         return kind, None
-    node, direction = (reader.integer(dof[a:b], "node and direction", places[5]) for a, b in ((41, 51), (51, 55)))
-    storage, count, spacing = (
-        reader.integer(form[10 * i : 10 * i + 10], what, places[6])
-        for i, what in enumerate(("ordinate data type", "number of values", "abscissa spacing"))
-    )
-    if storage not in (2, 4):
-        raise reader.error(f"ordinate data type {storage}", "2 or 4 (real) for a time record", at=places[6])
-    if count < 1 or spacing not in (0, 1):
-        found = f"{count} values and abscissa spacing {spacing}"
-        raise reader.error(found, "at least one value, spacing 0 (uneven) or 1 (even)", at=places[6])
-    kind_x = reader.integer(abscissa[:10], "specific data type", places[7])
-    if kind_x not in (0, 1, TIME) or abscissa[46:67].strip().lower() not in ("", "none", "s", "sec", "seconds"):
-        found = f"an abscissa of data type {kind_x} in {abscissa[46:67].strip() or 'no unit'}"
-        raise reader.error(found, "17 (time) in s", at=places[7])
-    columns = ("re",) if spacing == 1 else ("x", "re")
+    head = uff_reader.read_head_58(reader, kind, lines, places)
+    if not head.real:
+        raise reader.error(f"ordinate data type {head.storage}", "2 or 4 (real) for a time record", at=places[6])
+    uff_reader.refuse_other_abscissa(reader, head, TIME)
     if binary is None:
-        table = _text_table(reader, count, len(columns))
+        table = _text_table(reader, head.count, len(head.columns))
     else:
-        table = uff_reader.binary_table(reader, binary, count, columns, double=storage == 4)
+        table = uff_reader.binary_table(reader, binary, head.count, head.columns, double=head.double)
     place = f"{reader.name}, line {1 + reader.data.count(bytes([10]), 0, reader.start)}"
-    if spacing == 0:
+    if not head.even:
         start_s, rate = settle(place, table[:, 0])
+    elif head.step > 0:
+        start_s, rate = head.start, float(f"{1 / head.step:.12g}")
     else:
-        start_s, step = (reader.number(form[a:b], "abscissa", places[6]) for a, b in ((30, 43), (43, 56)))
-        if not step > 0:
-            raise reader.error(f"a time step of {step:g} s", "a positive one", at=places[6])
-        rate = float(f"{1 / step:.12g}")
+        raise reader.error(f"a time step of {head.step:g} s", "a positive one", at=places[6])
     start_s, rate = _exact(lines[4], start_s, rate)
-    channel, factor = _channel(reader, lines, node, direction, units, places[8])
+    channel, factor = _channel(reader, lines, *head.response, units, places[8])
     return kind, _Record(place, channel, table[:, -1] * factor, start_s, rate)
 
 

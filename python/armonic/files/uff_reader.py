@@ -23,6 +23,8 @@ NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 FUNCTION_TYPES = {1: "time response", 2: "auto spectrum", 3: "cross spectrum", 4: "FRF", 6: "coherence"}
 FRF = 4
 COHERENCE = 6
+TIME_RESPONSE = 1
+TIME = 17
 FREQUENCY = 18
 HEADER_LINES = 11
 TRUNCATED = "The file looks truncated: export or copy it again."
@@ -107,15 +109,15 @@ def parse(data: bytes, name: str, wanted: int = FRF) -> tuple[list[Function], li
 
 
 class Reader:
-    """A position in the bytes of a file, and errors that name its line."""
+    """A position in the bytes of a file, or of a part that begins at its line `first_line`; errors name the line."""
 
-    def __init__(self, data: bytes, name: str) -> None:
-        self.data, self.name = data, name
+    def __init__(self, data: bytes, name: str, first_line: int = 1) -> None:
+        self.data, self.name, self.first_line = data, name, first_line
         self.offset = self.start = 0
 
     def error(self, found: str, expected: str, hint: str | None = None, *, at: int | None = None) -> DataFileError:
         """An error at the line of a place in the data, by default the present one."""
-        line = 1 + self.data.count(b"\n", 0, self.offset if at is None else at)
+        line = self.first_line + self.data.count(b"\n", 0, self.offset if at is None else at)
         return DataFileError(f"{self.name}, line {line}", found=found, expected=expected, hint=hint)
 
     def line(self) -> str:
@@ -206,20 +208,70 @@ def read_164(reader: Reader, body: bytes) -> Units:
     return Units(factors[0], factors[1], reader.integer(lines[0][:10], "units code", reader.start))
 
 
-def _read_58(reader: Reader, units: Units, binary: str | None, wanted: int) -> tuple[int, Function | None]:
-    records, places = [], []
+class Head(NamedTuple):
+    """The header of a data set 58, its fields read and their own meaning checked.
+
+    Attributes:
+        lines: all eleven, as they stand there.
+        places: where each begins in the data of the reader.
+        kind: function type.
+        numbers: function identification, version and load case; zero where unreadable, for they only tell apart.
+        response: node and direction.
+        reference: likewise.
+        storage: ordinate data type, 2 or 4 (real), 5 or 6 (complex).
+        count: how many values.
+        even: whether the abscissa is given by start and step.
+        start: of an even abscissa.
+        step: likewise.
+        types: specific data types of abscissa, ordinate and denominator.
+        units: their unit labels, empty if there are none.
+    """
+
+    lines: list[str]
+    places: list[int]
+    kind: int
+    numbers: tuple[int, int, int]
+    response: tuple[int, int]
+    reference: tuple[int, int]
+    storage: int
+    count: int
+    even: bool
+    start: float
+    step: float
+    types: tuple[int, int, int]
+    units: tuple[str, str, str]
+
+    @property
+    def real(self) -> bool:
+        """Whether the values are."""
+        return self.storage in (2, 4)
+
+    @property
+    def double(self) -> bool:
+        """Whether they have 64 bits each."""
+        return self.storage in (4, 6)
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """What stands in a row of the values: x if it is uneven, re, im if it is complex."""
+        return (*(() if self.even else ("x",)), "re", *(() if self.real else ("im",)))
+
+
+def read_lines_58(reader: Reader) -> tuple[int, list[str], list[int]]:
+    """Function type and lines of the header of a data set 58, and where each begins; the reader stands behind them."""
+    lines: list[str] = []
+    places: list[int] = []
     for count in range(HEADER_LINES):
         if reader.offset >= len(reader.data) or CLOSE.match(reader.data, reader.offset):
             raise reader.error(f"{count} header lines", f"{HEADER_LINES} header lines of data set 58", TRUNCATED)
         places.append(reader.offset)
-        records.append(reader.line())
-    dof, form, abscissa, ordinate, denominator = records[5:10]
+        lines.append(reader.line())
+    return reader.integer(lines[5][0:5], "function type", places[5]), lines, places
 
-    kind = reader.integer(dof[0:5], "function type", places[5])
-    if kind != wanted:
-        reader.to_close(binary=binary is not None)
-        return kind, None
 
+def read_head_58(reader: Reader, kind: int, lines: list[str], places: list[int]) -> Head:
+    """The fields of a header, from what `read_lines_58` found."""
+    dof, form = lines[5], lines[6]
     nodes = [reader.integer(dof[a:b], "node", places[5]) for a, b in ((41, 51), (66, 76))]
     directions = [reader.integer(dof[a:b], "direction", places[5]) for a, b in ((51, 55), (76, 80))]
     storage, count, spacing = (
@@ -228,42 +280,75 @@ def _read_58(reader: Reader, units: Units, binary: str | None, wanted: int) -> t
     )
     start, step = (reader.number(form[a:b], "abscissa", places[6]) for a, b in ((30, 43), (43, 56)))
     types = [
-        reader.integer(record[:10], "specific data type", at)
-        for record, at in zip((abscissa, ordinate, denominator), places[7:10], strict=True)
-    ]
-    real = storage in (2, 4)
-    if storage not in (5, 6) and not (real and wanted == COHERENCE):
-        found = f"ordinate data type {storage}{' (real)' if real else ''}"
-        expected = "5 or 6 (complex) for an FRF" if wanted == FRF else "2 or 4 (real) for a coherence"
-        raise reader.error(found, expected, at=places[6])
+        reader.integer(line[:10], "specific data type", at)
+        for line, at in zip(lines[7:10], places[7:10], strict=True)
+    ]  # fmt: skip
     if count < 1:
-        raise reader.error(f"{count} values", "at least one frequency line", at=places[6])
+        raise reader.error(f"{count} values", "at least one", at=places[6])
     if spacing not in (0, 1):
         raise reader.error(f"abscissa spacing {spacing}", "0 (uneven) or 1 (even)", at=places[6])
-    if types[0] not in (0, 1, FREQUENCY) or re.search("rad|rpm|khz", abscissa[46:67], re.I):
-        found = f"an abscissa of data type {types[0]} in {abscissa[46:67].strip() or 'no unit'}"
-        raise reader.error(found, "18 (frequency) in Hz", at=places[7])
+    units = [line[46:67].strip() for line in lines[7:10]]
+    return Head(
+        lines,
+        places,
+        kind,
+        (_tolerant(dof[5:15]), _tolerant(dof[15:20]), _tolerant(dof[20:30])),
+        (nodes[0], directions[0]),
+        (nodes[1], directions[1]),
+        storage,
+        count,
+        spacing == 1,
+        start,
+        step,
+        (types[0], types[1], types[2]),
+        (units[0], units[1], units[2]),
+    )
 
-    columns = (*(() if spacing == 1 else ("x",)), "re", *(() if real else ("im",)))
+
+def refuse_other_abscissa(reader: Reader, head: Head, wanted: int) -> None:
+    """Refuse an abscissa that is not frequency in Hz (FREQUENCY) or time in s (TIME), as is wanted."""
+    kind, unit, at = head.types[0], head.units[0], head.places[7]
+    found = f"an abscissa of data type {kind} in {unit or 'no unit'}"
+    if wanted == FREQUENCY and (kind not in (0, 1, FREQUENCY) or re.search("rad|rpm|khz", unit, re.I)):
+        raise reader.error(found, "18 (frequency) in Hz", at=at)
+    if wanted == TIME and (kind not in (0, 1, TIME) or unit.lower() not in ("", "none", "s", "sec", "seconds")):
+        raise reader.error(found, "17 (time) in s", at=at)
+
+
+def _tolerant(text: str) -> int:
+    return int(text) if re.fullmatch(r" *[+-]?\d+ *", text, re.ASCII) else 0
+
+
+def _read_58(reader: Reader, units: Units, binary: str | None, wanted: int) -> tuple[int, Function | None]:
+    kind, lines, places = read_lines_58(reader)
+    if kind != wanted:
+        reader.to_close(binary=binary is not None)
+        return kind, None
+    head = read_head_58(reader, kind, lines, places)
+    if head.storage not in (5, 6) and not (head.real and wanted == COHERENCE):
+        found = f"ordinate data type {head.storage}{' (real)' if head.real else ''}"
+        expected = "5 or 6 (complex) for an FRF" if wanted == FRF else "2 or 4 (real) for a coherence"
+        raise reader.error(found, expected, at=places[6])
+    refuse_other_abscissa(reader, head, FREQUENCY)
     if binary is None:
-        table = _text_table(reader, count, columns)
+        table = _text_table(reader, head.count, head.columns)
     else:
-        table = binary_table(reader, binary, count, columns, double=storage in (4, 6))
-    freq_hz = np.float64(start) + step * np.arange(count) if spacing == 1 else table[:, 0]
+        table = binary_table(reader, binary, head.count, head.columns, double=head.double)
+    freq_hz = np.float64(head.start) + head.step * np.arange(head.count) if head.even else table[:, 0]
     if not (np.isfinite(table).all() and np.isfinite(freq_hz).all()):
         raise reader.error("NaN or infinity among the values", "finite numbers", at=reader.start)
-    imaginary = np.zeros(count) if real else table[:, -1]
+    imaginary = np.zeros(head.count) if head.real else table[:, -1]
     return kind, Function(
         freq_hz=freq_hz,
-        values=table[:, columns.index("re")] + 1j * imaginary,
-        response=(nodes[0], directions[0]),
-        reference=(nodes[1], directions[1]),
-        response_type=types[1],
-        reference_type=types[2],
-        response_unit=ordinate[46:67].strip(),
-        reference_unit=denominator[46:67].strip(),
-        title=records[0].strip(),
-        note=records[3].strip(),
+        values=table[:, head.columns.index("re")] + 1j * imaginary,
+        response=head.response,
+        reference=head.reference,
+        response_type=head.types[1],
+        reference_type=head.types[2],
+        response_unit=head.units[1],
+        reference_unit=head.units[2],
+        title=lines[0].strip(),
+        note=lines[3].strip(),
         units=units,
         line=1 + reader.data.count(b"\n", 0, reader.start),
     )
