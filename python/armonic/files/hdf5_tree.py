@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -25,6 +26,7 @@ MOST_BYTES: Final = 1 << 32
 INFLATION: Final = 2000
 """It may be so many times as large as what is stored of it; deflate reaches 1032."""
 _MOST_CHUNK: Final = 1 << 30
+_MOST_CHUNKS: Final = 1 << 20
 _MOST_OBJECTS, _DEEPEST = 20000, 16
 _MOST_TEXTS, _MOST_ATTRIBUTE = 20000, 1 << 20
 _FILTERS = frozenset((1, 2, 3, 32000))
@@ -250,6 +252,8 @@ def _refusal(data: h5py.Dataset) -> str | None:
     if data.chunks is not None:
         if math.prod(data.chunks) * data.id.get_type().get_size() > _MOST_CHUNK:
             return "chunks larger than 1 GB"
+        if (count := math.prod(-(-n // c) for n, c in zip(data.shape, data.chunks, strict=True))) > _MOST_CHUNKS:
+            return f"{count} chunks, more than {_MOST_CHUNKS}"
         if fault := _chunk_fault(data, codes):
             return fault
         if size > INFLATION * max(stored, 1):
@@ -260,17 +264,12 @@ def _refusal(data: h5py.Dataset) -> str | None:
 
 
 def _chunk_fault(data: h5py.Dataset, codes: list[int]) -> str | None:
-    """What is wrong with the list of chunks, which has no checksum of its own."""
-    found: dict[tuple[int, ...], Any] = {}
-    data.id.chunk_iter(lambda info: found.__setitem__(tuple(info.chunk_offset), info))
-    wanted = math.prod(-(-n // c) for n, c in zip(data.shape, data.chunks, strict=True))
-    there = [
-        info
-        for at, info in found.items()
-        if all(k % c == 0 and k < n for k, c, n in zip(at, data.chunks, data.shape, strict=True))
-    ]
-    if len(there) < wanted:  # HDF5 would read them as zeros
-        return f"{wanted - len(there)} of {wanted} chunks missing"
+    """What is wrong with the index of the chunks, which has no checksum of its own: each is asked for as in reading."""
+    places = itertools.product(*(range(0, n, c) for n, c in zip(data.shape, data.chunks, strict=True)))
+    found = [data.id.get_chunk_info_by_coord(place) for place in places]
+    there = [info for info in found if info.byte_offset is not None]
+    if len(there) < len(found):  # HDF5 would read them as zeros
+        return f"{len(found) - len(there)} of {len(found)} chunks missing"
     plain = math.prod(data.chunks) * data.id.get_type().get_size()
     for info in there:
         used = [code for k, code in enumerate(codes) if not info.filter_mask >> k & 1]

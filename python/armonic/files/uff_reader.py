@@ -209,22 +209,11 @@ def read_164(reader: Reader, body: bytes) -> Units:
 
 
 class Head(NamedTuple):
-    """The header of a data set 58, its fields read and their own meaning checked.
+    """The header of a data set 58: all lines, where each begins in the data of the reader, and the fields.
 
-    Attributes:
-        lines: all eleven, as they stand there.
-        places: where each begins in the data of the reader.
-        kind: function type.
-        numbers: function identification, version and load case; zero where unreadable, for they only tell apart.
-        response: node and direction.
-        reference: likewise.
-        storage: ordinate data type, 2 or 4 (real), 5 or 6 (complex).
-        count: how many values.
-        even: whether the abscissa is given by start and step.
-        start: of an even abscissa.
-        step: likewise.
-        types: specific data types of abscissa, ordinate and denominator.
-        units: their unit labels, empty if there are none.
+    `kind` is the function type; `numbers` are function identification, version and load case, zero where unreadable.
+    `response` and `reference` are (node, direction). `storage` is the ordinate data type; an abscissa that is `even`
+    has `start` and `step`. `types` and `units` are of abscissa, ordinate and denominator.
     """
 
     lines: list[str]
@@ -279,10 +268,7 @@ def read_head_58(reader: Reader, kind: int, lines: list[str], places: list[int])
         for i, what in enumerate(("ordinate data type", "number of values", "abscissa spacing"))
     )
     start, step = (reader.number(form[a:b], "abscissa", places[6]) for a, b in ((30, 43), (43, 56)))
-    types = [
-        reader.integer(line[:10], "specific data type", at)
-        for line, at in zip(lines[7:10], places[7:10], strict=True)
-    ]  # fmt: skip
+    types = [reader.integer(lines[k][:10], "specific data type", places[k]) for k in (7, 8, 9)]
     if count < 1:
         raise reader.error(f"{count} values", "at least one", at=places[6])
     if spacing not in (0, 1):
