@@ -111,7 +111,7 @@ def write_measured_hdf5(
     if not listed and frfs is None and modes is None and geometry is None:
         raise DataFileError(str(path), found="nothing to write", expected="records, FRFs, modes or geometry")
     buffer = io.BytesIO()
-    with h5py.File(buffer, "w", libver=("v108", "v108")) as file:  # from then on, headers have checksums too
+    with h5py.File(buffer, "w", libver=("v110", "v110")) as file:  # whose headers and indices have checksums
         file.attrs[MARK] = 1
         _say(file, "armonic", __version__)
         for k, record in enumerate(listed):
