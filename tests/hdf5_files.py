@@ -80,3 +80,25 @@ def foreign(path: Path, **groups: dict[str, Any]) -> Path:
 
 SAMPLES = RANDOM.normal(size=(40, 2))
 TIMES = np.arange(40) / 256
+
+
+def matlab(path: Path, content: dict[str, Any]) -> Path:
+    """A file as MATLAB's save(..., '-v7.3') makes it: 512 bytes ahead, arrays transposed, complex numbers in pairs."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, value in content.items():
+            array = np.array(list(map(ord, value)), "u2")[None] if isinstance(value, str) else np.asarray(value)
+            if array.dtype.kind == "c":
+                pairs = np.empty(array.shape, [("real", "f8"), ("imag", "f8")])
+                pairs["real"], pairs["imag"] = array.real, array.imag
+                array = pairs
+            data = file.create_dataset(name, data=array if isinstance(value, str) else array.T)
+            data.attrs["MATLAB_class"] = np.bytes_("char" if isinstance(value, str) else "double")
+        cell = file.create_dataset("cell", (1,), h5py.ref_dtype)
+        cell[0] = file.create_dataset("#refs#/a", data=np.ones(9)).ref
+        cell.attrs["MATLAB_class"] = np.bytes_("cell")
+        empty = file.create_dataset("nothing", data=np.array([0, 3], "u8"))
+        empty.attrs["MATLAB_empty"] = np.uint8(1)
+    data_ = bytearray(path.read_bytes())
+    data_[:128] = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM"
+    path.write_bytes(bytes(data_))
+    return path

@@ -187,7 +187,7 @@ def test_damaged_bytes_of_our_own_file_are_noticed_and_never_read_as_numbers(tmp
     write_measured_hdf5(tmp_path / "a.h5", records=(tap(1, 60), tap(2, 60)), frfs=frfs())
     _, left_out, refused, wrong = fuzzed(tmp_path / "a.h5", tmp_path / "f.h5", 250)
     assert wrong == 0
-    assert min(left_out, refused) > 10
+    assert left_out + refused > 200  # nearly every byte is under a checksum
 
 
 def test_damaged_bytes_of_a_foreign_file_never_bring_the_process_down(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from armonic.errors import DataFileError
 from armonic.files.channel_map import ChannelMap
 from armonic.files.measured_hdf5 import read_measured_hdf5, write_measured_hdf5
 from armonic.series import Channel
-from hdf5_files import RANDOM, SAMPLES, TIMES, foreign, frfs, full, same_frfs, same_record, tap
+from hdf5_files import RANDOM, SAMPLES, TIMES, foreign, frfs, full, matlab, same_frfs, same_record, tap
 
 
 def test_everything_measured_comes_back_bit_for_bit(tmp_path: Path) -> None:
@@ -142,28 +142,6 @@ def test_complex_numbers_and_frequencies_are_frfs(tmp_path: Path, axes: tuple[in
     )  # fmt: skip
     np.testing.assert_array_equal(read.frfs.values, H)
     np.testing.assert_array_equal(read.frfs.coherence, gamma2)  # type: ignore[arg-type]
-
-
-def matlab(path: Path, content: dict[str, Any]) -> Path:
-    """A file as MATLAB's save(..., '-v7.3') makes it: 512 bytes ahead, arrays transposed, complex numbers in pairs."""
-    with h5py.File(path, "w", userblock_size=512) as file:
-        for name, value in content.items():
-            array = np.array(list(map(ord, value)), "u2")[None] if isinstance(value, str) else np.asarray(value)
-            if array.dtype.kind == "c":
-                pairs = np.empty(array.shape, [("real", "f8"), ("imag", "f8")])
-                pairs["real"], pairs["imag"] = array.real, array.imag
-                array = pairs
-            data = file.create_dataset(name, data=array if isinstance(value, str) else array.T)
-            data.attrs["MATLAB_class"] = np.bytes_("char" if isinstance(value, str) else "double")
-        cell = file.create_dataset("cell", (1,), h5py.ref_dtype)
-        cell[0] = file.create_dataset("#refs#/a", data=np.ones(9)).ref
-        cell.attrs["MATLAB_class"] = np.bytes_("cell")
-        empty = file.create_dataset("nothing", data=np.array([0, 3], "u8"))
-        empty.attrs["MATLAB_empty"] = np.uint8(1)
-    data_ = bytearray(path.read_bytes())
-    data_[:128] = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM"
-    path.write_bytes(bytes(data_))
-    return path
 
 
 def test_a_matlab_file_of_version_7_3_lies_transposed(tmp_path: Path) -> None:

@@ -36,10 +36,11 @@ def test_four_modes_are_found_below_thirty_hertz_as_in_table_6(
     taps: am.TapTest, estimate: am.FrfEstimate, method: str
 ) -> None:
     found = am.ema(estimate, band_hz=(5, 40), method=method)  # type: ignore[arg-type]
-    assert len(found.modes) == 4
+    seen = found.natural_freq_hz < 30
+    assert np.count_nonzero(seen) == 4
     # joints that soften by 0.8 % lower frequencies by half of that
-    np.testing.assert_allclose(found.natural_freq_hz, taps.modes.natural_freq_hz[:4], rtol=0.005)
-    np.testing.assert_allclose(found.damping_ratio, taps.modes.damping_ratio[:4], rtol=0.15)
+    np.testing.assert_allclose(found.natural_freq_hz[seen], taps.modes.natural_freq_hz[:4], rtol=0.005)
+    np.testing.assert_allclose(found.damping_ratio[seen], taps.modes.damping_ratio[:4], rtol=0.15)
 
 
 def test_the_update_on_synthesized_responses_agrees_with_the_truth(

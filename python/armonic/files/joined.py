@@ -143,7 +143,7 @@ def _joined_geometry(parts: Sequence[tuple[str, Geometry]], remarks: list[str]) 
     for path, geometry in parts:
         for name, position in zip(geometry.names, geometry.positions, strict=True):
             if not np.allclose(points.setdefault(name, position), position, rtol=1e-6, atol=1e-6):  # digits of a file
-                remarks.append(f"{path}: point {name} lies elsewhere than in {parts[0][0]}, whose place is kept.")
+                remarks.append(f"{path}: point {name} lies elsewhere than in another file, whose place is kept.")
         index = {name: k for k, name in enumerate(points)}
         for a, b in geometry.lines:
             lines[index[geometry.names[a]], index[geometry.names[b]]] = None

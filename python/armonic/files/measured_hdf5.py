@@ -93,7 +93,7 @@ def write_measured_hdf5(
     attributes sample_rate_hz and start_s; frfs holds freq_hz, values (lines, outputs, inputs) complex, outputs,
     inputs, measured, perhaps coherence and averages, notes, and the attributes frf_kind and decay_rate; modes holds
     poles, shapes and coordinates; geometry holds names, positions and lines. Each group says its `kind`, the file
-    its version of `armonic`. Arrays are compressed and have checksums.
+    its version of `armonic`. Everything has checksums; HDF5 of version 1.10 and later opens it.
 
     Args:
         path: the file; an existing one is replaced, once all is written.

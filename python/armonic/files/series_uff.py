@@ -14,11 +14,11 @@ from armonic.errors import DataFileError
 from armonic.files import uff_reader, uff_writer
 from armonic.files.cells import AXES, read_bytes
 from armonic.files.sampling import AGREE, Array, built, plain, settle
-from armonic.files.uff_reader import FUNCTION_TYPES, HEADER_LINES, NUMBER, TIME, TIME_RESPONSE, Units, shown
+from armonic.files.uff_reader import FUNCTION_TYPES, NUMBER, TIME, TIME_RESPONSE, Units, shown
 from armonic.series import Quantity, TimeSeries
 from armonic.writing import write_whole
 
-_TYPES: dict[Quantity, int] = {
+TYPES: dict[Quantity, int] = {
     "joint_position": 8, "motor_position": 8, "displacement": 8,
     "joint_velocity": 11, "motor_velocity": 11, "velocity": 11,
     "joint_acceleration": 12, "acceleration": 12,
@@ -29,7 +29,7 @@ _QUANTITIES: dict[int, tuple[Quantity, str]] = {
     8: ("displacement", "m"), 11: ("velocity", "m/s"), 12: ("acceleration", "m/s²"), 9: ("force", "N"),
     13: ("force", "N"),
 }  # fmt: skip
-_MARK = "armonic "
+MARK = "armonic "
 _WIDE = (1e-99, 9.9999999999995e99)  # below and from here on, numbers of 13 digits have exponents of three
 _PADDING = 6  # zeros with which some exporters fill the last line
 
@@ -97,50 +97,68 @@ def write_series_uff(path: str | Path, series: TimeSeries, *, binary: bool = Fal
     Raises:
         DataFileError: the file cannot be written, or a channel's name or unit does not fit into a line of it.
     """
-    stems = list(dict.fromkeys(_stem(channel.name)[0] for channel in series.channels))
+    stems = list(dict.fromkeys(stem_of(channel.name)[0] for channel in series.channels))
     parts = [uff_writer.header("Time series")]
     for k, channel in enumerate(series.channels):
-        parts.append(_encoded(path, series, k, stems.index(_stem(channel.name)[0]) + 1, binary=binary))
+        parts.append(encoded(path, series, k, stems.index(stem_of(channel.name)[0]) + 1, binary=binary))
     write_whole(path, b"".join(parts))
 
 
-def _encoded(path: str | Path, series: TimeSeries, column: int, node: int, *, binary: bool) -> bytes:
+def encoded(
+    path: str | Path, series: TimeSeries, column: int, node: int, *, binary: bool, record: int | None = None
+) -> bytes:
+    """One channel as a data set 58.
+
+    Args:
+        path: the file, for errors.
+        series: the record.
+        column: which of its channels.
+        node: the number of its place.
+        binary: whether the values are.
+        record: the number of the record where a file has several.
+
+    Raises:
+        DataFileError: the channel's name or unit does not fit into a line.
+    """
     channel, values = series.channels[column], series.values[:, column]
-    stem, direction = _stem(channel.name)
+    stem, direction = stem_of(channel.name)
     if direction in (1, 2, 3) and re.match(r"rad|N[· ]?m\b", channel.unit):
         direction += 3
-    about = _MARK + json.dumps({"quantity": channel.quantity, "unit": channel.unit})
-    when = _MARK + json.dumps({"rate_hz": series.sample_rate_hz, "start_s": series.start_s})
+    about = MARK + json.dumps({"quantity": channel.quantity, "unit": channel.unit})
+    when = MARK + json.dumps({"rate_hz": series.sample_rate_hz, "start_s": series.start_s})
     for what, line in (("name", channel.name), ("unit", about)):
         if len(line) > 80 or not line.isascii() or " ".join(line.split()) != line or line == "NONE":
             raise DataFileError(
                 str(path),
                 found=f"the {what} of {channel.label}",
                 expected="one that fits into a line of 80 ASCII characters",
-                hint="Write it as CSV, MATLAB or Zarr.",
+                hint="Write it as CSV, MATLAB or Zarr." if record is None else "Write it as HDF5.",
             )
-    start, step = uff_writer.decimal(series.start_s), uff_writer.decimal(1 / series.sample_rate_hz)
-    payload = values.astype("<f8").tobytes() if binary else _text_values(values)
-    size = f"b{1:6d}{2:6d}{HEADER_LINES:12d}{len(payload):12d}{0:6d}{0:6d}{0:12d}{0:12d}" if binary else ""
-    unit = channel.unit.replace("²", "^2").replace("·", " ")
-    entity = stem if stem.isalnum() and len(stem) <= 10 else "NONE"
-    lines = [
-        "    -1",
-        f"    58{size}",
-        *(channel.name, "NONE", uff_writer.timestamp(), about, when),
-        f"{TIME_RESPONSE:5d}{0:10d}{0:5d}{0:10d} {entity:10}{node:10d}{direction:4d} {'NONE':10}{0:10d}{0:4d}",
-        f"{4:10d}{values.size:10d}{1:10d}{start:>13}{step:>13}{'0.00000e+00':>13}",
-        *(
-            f"{number:10d}{0:5d}{0:5d}{0:5d} {label:20.20} {label_unit or 'NONE':20.20}"
-            for number, label, label_unit in (
-                (TIME, "Time", "s"),
-                (_TYPES[channel.quantity], channel.quantity, unit),
-                (0, "NONE", "NONE"),
-                (0, "NONE", "NONE"),
-            )
+    return uff_writer.data_set_58(
+        kind=TIME_RESPONSE,
+        ids=(
+            channel.name,
+            "" if record is None else MARK + json.dumps({"record": record}),
+            uff_writer.timestamp(),
+            about,
+            when,
         ),
-    ]
-    return uff_writer.ascii_lines(lines) + payload + b"    -1\n"
+        response=(stem if stem.isalnum() and len(stem) <= 10 else "NONE", node, direction),
+        reference=("NONE", 0, 0),
+        abscissa=(TIME, "Time", "s"),
+        ordinate=(TYPES[channel.quantity], channel.quantity, channel.unit.replace("²", "^2").replace("·", " ")),
+        denominator=(0, "NONE", "NONE"),
+        form=uff_writer.Form(
+            4,
+            uff_writer.decimal(series.start_s),
+            uff_writer.decimal(1 / series.sample_rate_hz),
+            True,
+            values.size,
+            values.astype("<f8").tobytes() if binary else _text_values(values),
+        ),
+        binary=binary,
+        version=0 if record is None else min(record, 99999),
+    )
 
 
 def _text_values(values: Array) -> bytes:
@@ -152,7 +170,7 @@ def _text_values(values: Array) -> bytes:
     return ("\n".join([*lines, ""]) % tuple(values.tolist())).encode()
 
 
-def _stem(name: str) -> tuple[str, int]:
+def stem_of(name: str) -> tuple[str, int]:
     """What stands before the axis in a name, and the direction code of the axis; 0 if it has none."""
     stem, _, axis = name.rpartition(".")
     return (stem, AXES.index(axis) + 1) if stem and axis in AXES else (name, 0)
@@ -199,9 +217,9 @@ def _record(reader: uff_reader.Reader, units: Units, binary: str | None) -> tupl
         raise reader.error(f"ordinate data type {head.storage}", "2 or 4 (real) for a time record", at=places[6])
     uff_reader.refuse_other_abscissa(reader, head, TIME)
     if binary is None:
-        table = _text_table(reader, head.count, len(head.columns))
+        table = _text_table(reader, head.length, len(head.columns))
     else:
-        table = uff_reader.binary_table(reader, binary, head.count, head.columns, double=head.double)
+        table = uff_reader.binary_table(reader, binary, head.length, head.columns, double=head.double)
     place = f"{reader.name}, line {1 + reader.data.count(bytes([10]), 0, reader.start)}"
     if not head.even:
         start_s, rate = settle(place, table[:, 0])
@@ -209,7 +227,7 @@ def _record(reader: uff_reader.Reader, units: Units, binary: str | None) -> tupl
         start_s, rate = head.start, float(f"{1 / head.step:.12g}")
     else:
         raise reader.error(f"a time step of {head.step:g} s", "a positive one", at=places[6])
-    start_s, rate = _exact(lines[4], start_s, rate)
+    start_s, rate = exact(lines[4], start_s, rate)
     channel, factor = _channel(reader, lines, *head.response, units, places[8])
     return kind, _Record(place, channel, table[:, -1] * factor, start_s, rate)
 
@@ -234,11 +252,11 @@ def _text_table(reader: uff_reader.Reader, count: int, width: int) -> Array:
     return numbers[:needed].reshape(count, width)
 
 
-def _of_ours(line: str) -> dict[str, Any]:
+def of_ours(line: str) -> dict[str, Any]:
     """What a line of `write_series_uff` says; nothing for that of another program."""
-    if line.startswith(_MARK):
+    if line.startswith(MARK):
         try:
-            found = json.loads(line.removeprefix(_MARK))
+            found = json.loads(line.removeprefix(MARK))
         except ValueError:
             return {}
         if isinstance(found, dict):
@@ -246,9 +264,9 @@ def _of_ours(line: str) -> dict[str, Any]:
     return {}
 
 
-def _exact(line: str, start_s: float, rate: float) -> tuple[float, float]:
+def exact(line: str, start_s: float, rate: float) -> tuple[float, float]:
     """Start and rate in full, where our own line has them and the fields do not say otherwise."""
-    about = _of_ours(line)
+    about = of_ours(line)
     own_start, own_rate = about.get("start_s"), about.get("rate_hz")
     if not (isinstance(own_start, float) and isinstance(own_rate, float)):
         return start_s, rate
@@ -260,7 +278,7 @@ def _channel(
     reader: uff_reader.Reader, lines: list[str], node: int, direction: int, units: Units, at: int
 ) -> tuple[tuple[str, str, str], float]:
     """Name, quantity and unit of a record, and the factor of its values."""
-    about = _of_ours(lines[3].strip())
+    about = of_ours(lines[3].strip())
     if isinstance(about.get("quantity"), str) and isinstance(about.get("unit"), str):
         return (lines[0].strip(), about["quantity"], about["unit"]), 1.0
     if abs(direction) > len(AXES):

@@ -223,7 +223,7 @@ class Head(NamedTuple):
     response: tuple[int, int]
     reference: tuple[int, int]
     storage: int
-    count: int
+    length: int
     even: bool
     start: float
     step: float
@@ -317,13 +317,13 @@ def _read_58(reader: Reader, units: Units, binary: str | None, wanted: int) -> t
         raise reader.error(found, expected, at=places[6])
     refuse_other_abscissa(reader, head, FREQUENCY)
     if binary is None:
-        table = _text_table(reader, head.count, head.columns)
+        table = _text_table(reader, head.length, head.columns)
     else:
-        table = binary_table(reader, binary, head.count, head.columns, double=head.double)
-    freq_hz = np.float64(head.start) + head.step * np.arange(head.count) if head.even else table[:, 0]
+        table = binary_table(reader, binary, head.length, head.columns, double=head.double)
+    freq_hz = np.float64(head.start) + head.step * np.arange(head.length) if head.even else table[:, 0]
     if not (np.isfinite(table).all() and np.isfinite(freq_hz).all()):
         raise reader.error("NaN or infinity among the values", "finite numbers", at=reader.start)
-    imaginary = np.zeros(head.count) if head.real else table[:, -1]
+    imaginary = np.zeros(head.length) if head.real else table[:, -1]
     return kind, Function(
         freq_hz=freq_hz,
         values=table[:, head.columns.index("re")] + 1j * imaginary,

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armonic.errors import DataFileError
 from armonic.files.uff_reader import FREQUENCY, FRF, HEADER_LINES, Function
+
+_ZERO = "0.00000e+00"
 
 
 def encode(functions: Iterable[Function], *, binary: bool, title: str) -> bytes:
@@ -29,46 +32,102 @@ def encode(functions: Iterable[Function], *, binary: bool, title: str) -> bytes:
 
 
 def _encode_58(function: Function, *, binary: bool) -> bytes:
-    f, H = function.freq_hz, function.values
-    start, step, even = _spacing(f)
-    columns = [H.real, H.imag] if even else [f, H.real, H.imag]
-    (node, direction), (from_node, from_direction) = function.response, function.reference
-    payload = np.column_stack(columns).astype("<f8").tobytes() if binary else _text_values(f, H, even=even)
-    size = f"b{1:6d}{2:6d}{HEADER_LINES:12d}{len(payload):12d}{0:6d}{0:6d}{0:12d}{0:12d}" if binary else ""
+    return data_set_58(
+        kind=FRF,
+        ids=(function.title, "", timestamp(), function.note, ""),
+        response=("NONE", *function.response),
+        reference=("NONE", *function.reference),
+        abscissa=(FREQUENCY, "Frequency", "Hz"),
+        ordinate=(function.response_type, "Response", function.response_unit),
+        denominator=(function.reference_type, "Reference", function.reference_unit),
+        form=frequencies(function.freq_hz, function.values, binary=binary),
+        binary=binary,
+    )
+
+
+class Form(NamedTuple):
+    """Values as a data set 58 stores them: start and step as text, whether these are all, how many, and the bytes."""
+
+    storage: int
+    start: str
+    step: str
+    even: bool
+    length: int
+    payload: bytes
+
+
+def data_set_58(
+    *,
+    kind: int,
+    ids: Sequence[str],
+    response: tuple[str, int, int],
+    reference: tuple[str, int, int],
+    abscissa: tuple[int, str, str],
+    ordinate: tuple[int, str, str],
+    denominator: tuple[int, str, str],
+    form: Form,
+    binary: bool,
+    version: int = 0,
+) -> bytes:
+    """One data set 58, or 58b.
+
+    Args:
+        kind: function type.
+        ids: the five lines ahead.
+        response: entity of at most ten letters or NONE, node, and direction.
+        reference: likewise.
+        abscissa: specific data type, label and unit.
+        ordinate: likewise.
+        denominator: likewise.
+        form: the values.
+        binary: whether the values are.
+        version: or sequence number.
+    """
+    size = f"b{1:6d}{2:6d}{HEADER_LINES:12d}{len(form.payload):12d}{0:6d}{0:6d}{0:12d}{0:12d}" if binary else ""
+    dofs = " ".join(f"{entity:10}{node:10d}{direction:4d}" for entity, node, direction in (response, reference))
     lines = [
         "    -1",
         f"    58{size}",
-        *(_id_line(text) for text in (function.title, "", timestamp(), function.note, "")),
-        f"{FRF:5d}{0:10d}{0:5d}{0:10d} {'NONE':10}{node:10d}{direction:4d}"
-        f" {'NONE':10}{from_node:10d}{from_direction:4d}",
-        f"{6:10d}{f.size:10d}{even:10d}{start:>13}{step:>13}{'0.00000e+00':>13}",
+        *(_id_line(text) for text in ids),
+        f"{kind:5d}{0:10d}{version:5d}{0:10d} {dofs}",
+        f"{form.storage:10d}{form.length:10d}{form.even:10d}{form.start:>13}{form.step:>13}{_ZERO:>13}",
         *(
-            f"{number:10d}{0:5d}{0:5d}{0:5d} {label:20.20} {unit:20.20}"
-            for number, label, unit in (
-                (FREQUENCY, "Frequency", "Hz"),
-                (function.response_type, "Response", function.response_unit),
-                (function.reference_type, "Reference", function.reference_unit),
-                (0, "NONE", "NONE"),
-            )
+            f"{number:10d}{0:5d}{0:5d}{0:5d} {label:20.20} {unit or 'NONE':20.20}"
+            for number, label, unit in (abscissa, ordinate, denominator, (0, "NONE", "NONE"))
         ),
     ]
-    return ascii_lines(lines) + payload + b"    -1\n"
+    return ascii_lines(lines) + form.payload + b"    -1\n"
+
+
+def frequencies(f: NDArray[np.float64], values: NDArray[Any], *, binary: bool) -> Form:
+    """Complex or real values over frequencies in Hz, double precision.
+
+    Raises:
+        DataFileError: frequencies are too close to each other to be told apart in text.
+    """
+    start, step, even = _spacing(f)
+    parts = [values.real, values.imag] if np.iscomplexobj(values) else [values]
+    if binary:
+        columns = parts if even else [f, *parts]
+        payload = np.column_stack(columns).astype("<f8").tobytes()
+    else:
+        payload = _text_values(f, parts, even=even)
+    return Form(2 + 2 * len(parts), start, step, even, f.size, payload)
 
 
 def _spacing(f: NDArray[np.float64]) -> tuple[str, str, bool]:
     """Start and step as text, and whether they give back every frequency."""
-    zero = "0.00000e+00"
     if f.size == 1:
-        return decimal(f[0]), zero, True
+        return decimal(f[0]), _ZERO, True
     start, step = decimal(f[0]), decimal((f[-1] - f[0]) / (f.size - 1))
     off = np.abs(float(start) + float(step) * np.arange(f.size) - f).max()
     even = bool(off <= min(1e-9 * f[-1], 1e-3 * np.diff(f).min()))
-    return (start, step, True) if even else (zero, zero, False)
+    return (start, step, True) if even else (_ZERO, _ZERO, False)
 
 
-def _text_values(f: NDArray[np.float64], H: NDArray[np.complex128], *, even: bool) -> bytes:
+def _text_values(f: NDArray[np.float64], parts: list[NDArray[np.float64]], *, even: bool) -> bytes:
     if even:
-        numbers = np.column_stack([H.real, H.imag]).ravel()
+        numbers = np.column_stack(parts).ravel()
         full, rest = divmod(numbers.size, 4)
         form = ("%20.12e" * 4 + "\n") * full + ("%20.12e" * rest + "\n" if rest else "")
         return (form % tuple(numbers)).encode()
@@ -80,8 +139,10 @@ def _text_values(f: NDArray[np.float64], H: NDArray[np.complex128], *, even: boo
             expected="frequencies which a universal file in text can tell apart",
             hint="Write it with binary=True, or as CSV.",
         )
-    rows = zip(abscissas, H.real, H.imag, strict=True)
-    return "".join(f"{text:>13}{re:20.12e}{im:20.12e}\n" for text, re, im in rows).encode()
+    rows = zip(abscissas, *parts, strict=True)
+    words = [f"{text:>13}" + "".join(f"{value:20.12e}" for value in row) for text, *row in rows]
+    at_once = 3 - len(parts)  # rows in a line: two of real values, one of complex ones
+    return "".join("".join(words[k : k + at_once]) + "\n" for k in range(0, len(words), at_once)).encode()
 
 
 def decimal(value: float) -> str:
