@@ -14,16 +14,20 @@ START = "kuka_start.yaml"
 TRUE = "kuka_true.yaml"
 """The robot that the measurement was synthesized from."""
 
+TAPS = "taps.uff"
+"""Time records of fifteen taps at `sensor` of the simulated catalog robot, a double hit and an overload among them;
+`examples/make_taps.py` in the repository makes it."""
+
 
 def read(name: str) -> bytes:
     """The content of an example file.
 
     Args:
-        name: `MEASURED`, `START` or `TRUE`.
+        name: `MEASURED`, `START`, `TRUE` or `TAPS`.
 
     Raises:
         KeyError: there is no such example.
     """
-    if name not in (MEASURED, START, TRUE):
+    if name not in (MEASURED, START, TRUE, TAPS):
         raise KeyError(name)
     return files(__name__).joinpath(name).read_bytes()
