@@ -236,7 +236,7 @@ def measurements(
     """
     from armonic.updating import Measurement
 
-    typed = [name for name, value in vars(reading).items() if value is not None] + ["frame"] * bool(frames)
+    typed = [name for name, value in vars(reading).items() if value not in (None, False)] + ["frame"] * bool(frames)
     if not files and typed:
         option = f"--{typed[0].replace('_', '-')}"
         raise UsageError(option, found="it without FRF files", expected="responses, which alone have it")
