@@ -19,7 +19,7 @@ from armonic.files.measured_files import read_measured, write_measured
 from armonic.frf_set import FrfSet
 from armonic.response import Kind
 from armonic.series import Channel, TimeSeries
-from frf_files import EVEN_HZ, oscillator
+from frf_files import DOUBLE_TEXT, EVEN_HZ, SINGLE_BINARY, by_pyuff, oscillator
 from hdf5_files import SAMPLES, TIMES, matlab
 from measured_systems import KUKA
 
@@ -203,6 +203,34 @@ def test_a_map_by_its_path_names_the_channels_and_tells_what_it_did_not_meet(tmp
     converted, unmet = read.remarks
     assert converted == "acceleration:sensor.x was converted from g to m/s², by 9.80665."
     assert unmet.endswith("map.csv, line 4: nothing that was read is channel 'Ch 3'.")
+
+
+def test_a_map_turns_the_nodes_of_a_universal_file(tmp_path: Path) -> None:
+    path = by_pyuff(tmp_path / "a.uff", [(1, 1), (-2, 1), (3, 1)])
+    chosen = ChannelMap.of([{"node": 7, "place": "tip", "rotate": {"x": "y", "y": "-x"}}])
+    frfs = read_measured(path, channels=chosen).frfs
+    assert frfs is not None
+    found = {output: frfs.values[:, k, 0] for k, output in enumerate(frfs.outputs)}
+    assert frfs.inputs == ("tip.y",)
+    # The file has the response along -y of the node, which is x of the tip.
+    for label, dof in {"tip.y": (1, 1), "tip.x": (-2, 1), "tip.z": (3, 1)}.items():
+        expected = oscillator(dof)
+        np.testing.assert_allclose(found[label], expected, atol=DOUBLE_TEXT * np.abs(expected).max())
+
+
+def test_records_and_points_go_from_hdf5_to_a_universal_file_and_back(tmp_path: Path) -> None:
+    points = Geometry(("sensor",), np.array([[1.0, 2.0, 3.0]]))
+    write_measured(tmp_path / "a.uff", records=[tap(1), tap(2)], geometry=points)
+    read = read_measured(tmp_path / "a.uff", sample_rate_hz=512)
+    write_measured(tmp_path / "a.h5", records=read.records, geometry=read.geometry)
+    again = read_measured(tmp_path / "a.h5")
+    for record, kept in zip(again.records, (tap(1), tap(2)), strict=True):
+        assert record.channels == HIT
+        np.testing.assert_allclose(record.values, kept.values, rtol=SINGLE_BINARY)  # of single precision, or better
+    assert again.geometry is not None
+    np.testing.assert_array_equal(again.geometry.positions, points.positions)
+    with pytest.raises(DataFileError, match="expected 100 Hz, as sample_rate_hz says"):
+        read_measured(tmp_path / "a.uff", sample_rate_hz=100)
 
 
 def test_a_map_met_by_one_of_several_files_is_met(tmp_path: Path) -> None:

@@ -107,7 +107,7 @@ def write_measured(
         frfs: frequency responses.
         modes: modes.
         geometry: points and lines.
-        options: those of the format's own function, such as `binary` for universal files.
+        options: those of the format's own function: `write_measured_uff`, `write_measured_hdf5`, `write_series`.
 
     Raises:
         DataFileError: the ending or an option is unknown, there is nothing to write, the format has no place for
@@ -122,7 +122,7 @@ def write_measured(
     if format_ in ("uff", "hdf5"):
         write = _function("write", path)
         _refuse_unknown([path], [write], options, tuple(parts))
-        write(path, **parts, **options)
+        write(path, **{name: parts[name] for name in there}, **options)
         return
     if there == ["frfs"] and format_ == "csv" and frfs is not None:
         from armonic.files.measured_csv import write_measured_csv

@@ -90,9 +90,12 @@ def fraction_models(
         sorting = sorting[seen_poles.imag[sorting] >= 0]
         poles, discrete = poles[sorting], discrete[sorting]
         shapes = np.full((len(poles), len(scale)), np.nan, np.complex128)
-        seen = in_band(poles, band_hz)
-        if seen.any():
-            shapes[seen] = unit_shapes(_shapes(matrices, numerator(index, matrices), discrete[seen]) * scale)
+        seen = np.flatnonzero(in_band(poles, band_hz))
+        if len(seen):
+            raw = _shapes(matrices, numerator(index, matrices), discrete[seen]) * scale
+            # A pole that grows fast can be in A and cancel in the fraction, to the last digit: it has no shape.
+            there = np.abs(raw).max(axis=1) > 0
+            shapes[seen[there]] = unit_shapes(raw[there])
         found.append(ModelPoles(int(order), poles, shapes))
     return found
 
