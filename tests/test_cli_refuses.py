@@ -81,7 +81,6 @@ def test_frf_refuses(armonic: Armonic, tmp_path: Path, words: tuple[str, ...], s
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("update", TRUE, MEASURED), "Missing option '-o'"),
         (("update", TRUE, "-o", "new.yaml"), "found no measured file, expected FRF_FILE..., --modes FILE"),
         (("update", TRUE, "nothing.uff", "-o", "new.yaml"), "nothing.uff: found No such file"),
         (("update", TRUE, TRUE, "-o", "new.yaml"), "found the ending '.yaml'"),
@@ -204,7 +203,6 @@ def test_options_that_only_universal_files_have_are_refused_with_csv(armonic: Ar
         (("frf", "huynh_3r", "--freq", "x"), "--freq", None),
         (("demo", "--into", f"{MEASURED}/demo"), f"{MEASURED}/demo", None),
         (("modes",), "armonic modes", "See `armonic modes --help`."),
-        (UPDATE[:3], "armonic update", "See `armonic update --help`."),
     ],
 )
 def test_with_json_an_error_is_an_object_too(
