@@ -129,8 +129,7 @@ class Names:
             if text and (place := self.channels.place_of(None, None, text, quantity)) and place.line:
                 return text, place
         name = self._name(function, end, node, direction)
-        numbers = (node, direction) if node and direction else node_of(name)
-        return name, self.channels.place_of(*numbers, name, quantity)
+        return name, self.channels.place_of(*node_of(name), name, quantity)
 
     def _name(self, function: Function58, end: int, node: int, direction: int) -> str:
         if noted := self._noted(function)[end]:
@@ -200,10 +199,13 @@ def si_factor(label: str, quantity: str, axis: str, units: Units | None, told: l
             raise DataFileError("units", found=found, expected="factors of 1 for SI (data set 164)", hint=hint)
     known = si_unit(label) if label else None
     if known is None:
-        if label and plain(label).replace(" ", "") not in (own, "Nm") and units is None:
+        named = bool(label) and plain(label).replace(" ", "") not in (own, "Nm", "N*m")
+        if named and units is None:
             told.append(f"{quantity.capitalize()} in {label} is not converted: a channel map can give its scale.")
             return 1.0, label
-        if not label and units is None:
+        if named:
+            told.append(f"{quantity.capitalize()} in {label}, an unknown unit, is taken as the data set 164 says.")
+        elif not label and units is None:
             told.append("The file states no units (data set 164): numbers without any are taken for SI.")
         return stated, own
     if known.quantity not in (None, quantity) or (known.quantity is None) is not (rotation and quantity != "force"):

@@ -1,4 +1,4 @@
-"""What universal files have no field for, in a data set of our own that others pass over: names of places, and notes."""
+"""What universal files have no field for, in a data set that others pass over: names of places, and notes."""
 
 from __future__ import annotations
 

@@ -20,6 +20,7 @@ from armonic.files.uff_table import rows
 from armonic.series import Channel, TimeSeries
 
 _STEP_DIGITS = 12
+_Channel = tuple[int, int, int, str, str]  # node, direction without sign, data type, entity, name where it needs one
 
 
 class _Response(NamedTuple):
@@ -117,7 +118,7 @@ def _response(source: UffSource, function: Function58, names: Names, remarks: li
             axis = place_.label.rpartition(".")[2]
             factor, unit = si_factor(label, quantity, axis, function.units, remarks)
     try:
-        channel = Channel(name, quantity, unit)  # type: ignore[arg-type]
+        channel = Channel(name, quantity, unit)
     except SignalError as error:
         raise DataFileError(error.where, found=error.found, expected=error.expected) from error
     return _Response(function, channel, factor, head.length, start_s, rate)
@@ -191,21 +192,16 @@ def _grouped(functions: list[Function58]) -> Iterator[list[Function58]]:
     """Functions by record, in the order of the file."""
     if not functions:
         return
-    channels = [
-        (
-            f.entities[0],
-            f.head.response[0],
-            abs(f.head.response[1]),
-            f.head.types[1],
-            f.title * (not f.head.response[1]),
-        )
+    channels: list[_Channel] = [
+        (node, abs(code), f.head.types[1], f.entities[0], "" if code else f.title)
         for f in functions
+        for node, code in (f.head.response,)
     ]
     numbers = _distinguishing(functions, channels)
     if numbers is not None:
         groups: dict[tuple[int, ...], list[Function58]] = {}
-        for function, number in zip(functions, numbers, strict=True):
-            groups.setdefault(number, []).append(function)
+        for function, numbered in zip(functions, numbers, strict=True):
+            groups.setdefault(numbered, []).append(function)
         yield from groups.values()
         return
     group: list[Function58] = []
@@ -222,7 +218,7 @@ def _grouped(functions: list[Function58]) -> Iterator[list[Function58]]:
     yield group
 
 
-def _distinguishing(functions: list[Function58], channels: list[tuple[object, ...]]) -> list[tuple[int, ...]] | None:
+def _distinguishing(functions: list[Function58], channels: list[_Channel]) -> list[tuple[int, ...]] | None:
     """A number of each function that is the same within a record; None if the file has none.
 
     Some programs number all functions of a file, and some none: a number counts only if no channel comes twice under
