@@ -105,7 +105,14 @@ def write_series_uff(path: str | Path, series: TimeSeries, *, binary: bool = Fal
 
 
 def encoded(
-    path: str | Path, series: TimeSeries, column: int, node: int, *, binary: bool, record: int | None = None
+    path: str | Path,
+    series: TimeSeries,
+    column: int,
+    node: int,
+    *,
+    binary: bool,
+    record: int | None = None,
+    double: bool = True,
 ) -> bytes:
     """One channel as a data set 58.
 
@@ -116,6 +123,7 @@ def encoded(
         node: the number of its place.
         binary: whether the values are.
         record: the number of the record where a file has several.
+        double: whether binary values are in double precision.
 
     Raises:
         DataFileError: the channel's name or unit does not fit into a line.
@@ -149,12 +157,12 @@ def encoded(
         ordinate=(TYPES[channel.quantity], channel.quantity, channel.unit.replace("²", "^2").replace("·", " ")),
         denominator=(0, "NONE", "NONE"),
         form=uff_writer.Form(
-            4,
+            4 if double or not binary else 2,
             uff_writer.decimal(series.start_s),
             uff_writer.decimal(1 / series.sample_rate_hz),
             True,
             values.size,
-            values.astype("<f8").tobytes() if binary else _text_values(values),
+            values.astype("<f8" if double else "<f4").tobytes() if binary else _text_values(values),
         ),
         binary=binary,
         version=0 if record is None else min(record, 99999),

@@ -56,6 +56,7 @@ class _Reading:
 
     def __init__(self, source: UffSource, names: Names, skipped: list[Skipped], remarks: list[str]) -> None:
         self.source, self.names, self.skipped, self.remarks = source, names, skipped, remarks
+        self._lines: dict[tuple[float, float, int] | None, Array] = {}
         self._placed: dict[tuple[str, _Dof], tuple[str, ChannelPlace]] = {}
 
     def skip(self, function: Function58, reason: str) -> None:
@@ -101,6 +102,9 @@ class _Reading:
             DataFileError: they are none.
         """
         head = function.head
+        key = (head.start, head.step, head.length) if head.even else None
+        if key in self._lines:
+            return self._lines[key]
         if head.even:
             f = np.float64(head.start) + head.step * np.arange(head.length)
         else:

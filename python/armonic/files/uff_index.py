@@ -63,6 +63,7 @@ class UffSource:
     def __init__(self, path: str | Path, progress: Callable[[float], object] | None = None) -> None:
         self.name = str(path)
         self.progress = progress
+        self._told = 0.0
         self._known = [(0, 1)]  # offsets in order, and the line of each
         try:
             if Path(path).exists() and not Path(path).is_file():
@@ -122,9 +123,10 @@ class UffSource:
         return f"{self.name}, line {self.line_of(offset)}"
 
     def done(self, share: float) -> None:
-        """Tell how far the reading is."""
+        """Tell how far the reading is; it never goes back, though some functions are read after later ones."""
+        self._told = max(self._told, min(share, 1.0))
         if self.progress is not None:
-            self.progress(min(share, 1.0))
+            self.progress(self._told)
 
     def reader(self, data_set: DataSet) -> Reader:
         """A reader over the header of a data set, whose errors name lines of the file."""

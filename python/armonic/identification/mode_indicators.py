@@ -41,6 +41,9 @@ def multivariate_mode_indicator(frfs: FrfSet) -> Array:
     mobilities the parts change roles. Where there are more inputs than outputs, outputs stand for the forces, as
     reciprocity allows.
 
+    With as many forces as outputs it can dip between modes too: the in-phase part then is a square matrix, which may
+    have a zero there.
+
     Args:
         frfs: the responses; pairs that were not measured count as zero.
 

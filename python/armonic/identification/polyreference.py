@@ -43,8 +43,8 @@ def polyreference_lscf(
     is least, so that each order is a linear problem: the numerators are eliminated from reduced normal equations
     Σ_o (T_o − S_oᵀ R_o⁻¹ S_o) of which lower orders are leading parts.
 
-    With the lowest coefficient fixed, poles of noise grow and those of modes decay; the price is a bias of noise, some
-    percent of damping, towards more of it. Poles are meant to be refined.
+    With the lowest coefficient fixed, poles of noise grow and those of modes decay. The price is a bias: with 1 % of
+    noise some percent of damping, mostly towards less of it. Poles are meant to be refined.
 
     Responses are fitted in the kind that was measured, since that is what has noise of equal size along the lines.
 
