@@ -19,7 +19,7 @@ from armonic.files.uff_notes import Notes
 from armonic.files.uff_table import rows
 from armonic.series import Channel, TimeSeries
 
-_STEP_DIGITS = 12
+_FIELD, _FIGURES = 5, 12  # digits of E13.5 behind the point, and as many as a field of 13 columns may have
 _Channel = tuple[int, int, int, str, str]  # node, direction without sign, data type, entity, name where it needs one
 
 
@@ -244,10 +244,10 @@ def _number(function: Function58) -> int | None:
 
 def _rate(step: float) -> float:
     """The roundest rate of which the step is the inverse, rounded as it is written: 512 Hz of 1.95313E-03 s."""
-    digits = len(f"{step:.{_STEP_DIGITS}e}".split("e")[0].rstrip("0")) - 2
+    digits = max(_FIELD, len(f"{step:.{_FIGURES}e}".split("e")[0].rstrip("0")) - 2)
     exact_rate = 1 / step
-    for figures in range(1, 13):
+    for figures in range(1, _FIGURES):
         rate = float(f"{exact_rate:.{figures}g}")
-        if digits >= 5 and rate > 0 and f"{1 / rate:.{digits}e}" == f"{step:.{digits}e}":
+        if f"{1 / rate:.{digits}e}" == f"{step:.{digits}e}":
             return rate
-    return float(f"{exact_rate:.12g}")
+    return float(f"{exact_rate:.{_FIGURES}g}")
