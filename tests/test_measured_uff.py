@@ -357,13 +357,12 @@ def test_a_strict_map_leaves_out_what_it_does_not_name(tmp_path: Path) -> None:
 
 
 def test_a_map_may_name_channels_as_the_program_that_recorded_them_did(tmp_path: Path) -> None:
-    sets = [record(0, 0, FORCE, id1="Hammer"), record(0, 0, id1="Front left")]
-    channels = ChannelMap.of([
-        {"channel": "hammer", "place": "sensor", "axis": "x"}, {"channel": "Front left", "place": "sensor", "axis": "-y"},
-    ])  # fmt: skip
+    sets = [record(0, 0, FORCE, id1="Hammer", data=1 + TIME), record(0, 0, id1="Front left", data=2 + TIME)]
+    entries = [("hammer", "x"), ("Front left", "-y")]
+    channels = ChannelMap.of([{"channel": name, "place": "sensor", "axis": axis} for name, axis in entries])
     (one,) = read_measured_uff(save(tmp_path / "a.uff", *sets), channels=channels).records
     assert one.labels == ("force:sensor.x", "acceleration:sensor.y")
-    np.testing.assert_allclose(one.values[:, 0], 0.0)  # a sine has the sign of its direction, which is none here
+    np.testing.assert_allclose(one.values, np.column_stack([1 + TIME, -2 - TIME]), rtol=DOUBLE_TEXT)
     assert read_measured_uff(tmp_path / "a.uff").records[0].labels == ("force:Hammer", "acceleration:Front left")
 
 
