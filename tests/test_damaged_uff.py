@@ -214,7 +214,7 @@ def test_a_file_cut_off_anywhere_gives_what_is_whole_and_says_so(tmp_path: Path,
             found = read(tmp_path, data[:cut])
         except DataFileError as error:
             assert cut < len(data) / 3 or not channels  # before the first record there is nothing
-            assert str(error).startswith(str(tmp_path / "damaged.uff"))
+            assert str(error).startswith(str(tmp_path / "damaged.uff"))  # noqa: PT017
             continue
         in_it(found, whole)
         channels = sum(len(one.channels) for one in found.records)
@@ -241,7 +241,7 @@ def test_no_flipped_bytes_make_anything_but_a_reading_or_one_error(
     try:
         found = read(folder, bytes(data))
     except DataFileError as error:
-        assert "\n" not in str(error)
+        assert "\n" not in str(error)  # noqa: PT017
         return
     assert found.frfs is None or np.isfinite(found.frfs.values).all()
 
