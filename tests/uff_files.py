@@ -15,6 +15,7 @@ RATE, SAMPLES = 512.0, 128
 TIME = np.arange(SAMPLES) / RATE
 EVEN_HZ = 0.5 * np.arange(1, 65)
 UNEVEN_HZ = np.round(np.geomspace(0.5, 32.0, 64), 3)  # five digits, as E13.5 keeps them
+NAN = 8.75e88
 ACCELERATION, FORCE = (12, "m/s^2"), (13, "N")
 
 
@@ -27,9 +28,10 @@ def record(
     node: int, direction: int, what: tuple[int, str] = ACCELERATION, *, hit: int = 0, **fields: Any
 ) -> dict[str, Any]:
     """A time response as pyuff takes it."""
+    data = fields.pop("data", wave(node, direction, what[0], hit))
     return pyuff.prepare_58(
         binary=fields.pop("binary", 0), func_type=1, rsp_node=node, rsp_dir=direction, ref_node=0, ref_dir=0,
-        data=fields.pop("data", wave(node, direction, what[0], hit)), x=fields.pop("x", TIME),
+        data=data, x=fields.pop("x", TIME),
         id1="record", rsp_ent_name="NONE", abscissa_spec_data_type=17, ordinate_spec_data_type=what[0],
         orddenom_spec_data_type=0, abscissa_spacing=1, ordinate_axis_units_lab=what[1] or "NONE",
         abscissa_axis_units_lab="s",
@@ -65,9 +67,10 @@ def frf(
     **fields: Any,
 ) -> dict[str, Any]:
     """A frequency response as pyuff takes it."""
+    data = fields.pop("data", response(freq_hz, output[1], force[1], types[0]))
     return pyuff.prepare_58(
         binary=fields.pop("binary", 0), func_type=4, rsp_node=output[0], rsp_dir=output[1], ref_node=force[0],
-        ref_dir=force[1], data=fields.pop("data", response(freq_hz, output[1], force[1], types[0])), x=freq_hz,
+        ref_dir=force[1], data=data, x=freq_hz,
         id1="frf", rsp_ent_name="NONE", ref_ent_name="NONE", abscissa_spacing=int(even), abscissa_spec_data_type=18,
         ordinate_spec_data_type=types[0], orddenom_spec_data_type=types[1], ordinate_axis_units_lab=units[0],
         orddenom_axis_units_lab=units[1],
@@ -85,4 +88,7 @@ def gamma(
 
 
 def save(path: Path, *sets: dict[str, Any], double: bool = True) -> Path:
-    return write_sets(path, list(sets), force_double=double)
+    """The data sets as a file; `NAN` in text becomes NaN, of which pyuff makes zeros."""
+    write_sets(path, list(sets), force_double=double)
+    path.write_bytes(path.read_bytes().replace(b" 8.75000000000e+88", b"NaN".rjust(18)))
+    return path

@@ -24,8 +24,6 @@ MOST_BAD = 0.5
 """Of the lines of a function fewer than this share may be no numbers; they are left out."""
 _OF_QUANTITY: dict[str, Kind] = {"displacement": "receptance", "velocity": "mobility", "acceleration": "accelerance"}
 
-_Dof = tuple[str, int, int]
-
 
 class _Response(NamedTuple):
     """A frequency response before its values are read; factor and kind are those that lead to SI."""
@@ -57,7 +55,7 @@ class _Reading:
     def __init__(self, source: UffSource, names: Names, skipped: list[Skipped], remarks: list[str]) -> None:
         self.source, self.names, self.skipped, self.remarks = source, names, skipped, remarks
         self._lines: dict[tuple[float, float, int] | None, Array] = {}
-        self._placed: dict[tuple[str, _Dof], tuple[str, ChannelPlace]] = {}
+        self._placed: dict[tuple[str, str], tuple[str, ChannelPlace]] = {}
 
     def skip(self, function: Function58, reason: str) -> None:
         self.skipped.append(function.skipped(reason, self.source.line_of(function.data_set.at)))
@@ -71,12 +69,12 @@ class _Reading:
         name, place = self.names.of(function, end, side)
         if place is None:
             return None
-        node, direction = (function.head.response, function.head.reference)[end]
+        _, direction = (function.head.response, function.head.reference)[end]
         if not direction and not place.line:
             ending = ("response", "reference")[end]
             raise DataFileError("direction", found=f"{ending} direction 0 (scalar)", expected="±1 to ±6")
-        dof = (function.entities[end], node, abs(direction))
-        self._placed.setdefault((side, dof), (name, place))
+        # One degree of freedom whichever way it runs, and whatever number its node has in files put together.
+        self._placed.setdefault((side, name.replace(".-", ".")), (name, place))
         return place
 
     def refuse_mapped_twice(self) -> None:
@@ -233,13 +231,15 @@ def _assembled(
         tuple(dict.fromkeys(labels)) for labels in zip(*((r.output, r.input) for r in kept), strict=True)
     )
     highest = KINDS[max(KINDS.index(r.kind) for r in kept)]  # to it no line at 0 Hz is divided by zero
-    values = np.zeros((f.size, len(outputs), len(inputs)), np.complex128)
+    # The lines of a response lie side by side while it is read; the set turns them into columns when it copies them.
+    by_pair = np.zeros((len(outputs), len(inputs), f.size), np.complex128)
+    values = np.moveaxis(by_pair, 2, 0)
     measured, averages = np.zeros(values.shape[1:], bool), np.zeros(values.shape[1:], np.int64)
     bad = _Bad(f)
     converted: list[str] = []
     for response in kept:
         i, j = outputs.index(response.output), inputs.index(response.input)
-        own = values[:, i, j]
+        own = by_pair[i, j]
         try:
             with np.errstate(all="ignore"):  # what is not finite is dealt with below
                 reading.values(response.function, own)

@@ -23,6 +23,7 @@ SCANNED = 0.1
 _OVERLAP = 512
 _DELIMITER = re.compile(rb"    -1[ \t\r]*(?:\n|\Z)")
 _NUMBER = re.compile(rb"(?=[ \d]{5}\d(?:[bB]|[ \t\r]*\n|[ \t\r]*\Z| ))( *\d+)([^\n]*)(?:\n|\Z)")
+_ALONE = re.compile(rb"[ \d]{5}\d(?:[bB][ \d]*)?[ \t\r]*(?:\n|\Z)")
 _BLANKS = re.compile(rb"[ \t\r\n\x00\x1a]*\Z|(?:[ \t\r]*\n)*")
 _LINE_END = re.compile(rb"\r?\n")
 
@@ -225,7 +226,8 @@ def _next_opening(source: UffSource, position: int) -> int:
     """Offset of the next line '    -1' with a number behind it, or the size of the file."""
     position += 1
     while found := source.find(position, _DELIMITER, b"    -1"):
-        if source.read(found[0] - 1, found[0]) == b"\n" and _numbered(source, found[1]):
+        at_line = source.read(found[0] - 1, found[0]) == b"\n"
+        if _numbered(source, found[1]) if at_line else _alone(source, found[1]):
             return found[0]
         position = found[0] + 1
     return source.size
@@ -240,27 +242,34 @@ def _odd(source: UffSource, position: int) -> str:
 
 
 def _end(source: UffSource, data_set: DataSet) -> tuple[int, int, str]:
-    """Where a data set is closed, where the next begins, and why it cannot be read."""
+    """Where a data set is closed, where the next begins, and why it cannot be read.
+
+    A line that closes may be lost with what stood before it, so that the next data set opens within a line.
+    """
     start = data_set.start
     if data_set.binary is not None:
         # Binary values may look like a line that closes: it is looked for behind them.
         for stop, behind in _ends_by_size(source, data_set):
-            if _next_is_fine(source, behind):
-                return stop, behind, ""
-    binary = data_set.binary is not None
-    # The line may be the first of the data set; what stands before it is the end of the line with the number.
-    position = start if binary else start - 1
-    literal = b"    -1" if binary else b"\n    -1"
-    pattern = _DELIMITER if binary else re.compile(rb"\n    -1[ \t\r]*(?:\n|\Z)")
-    while found := source.find(position, pattern, literal):
-        stop, behind = found[0] + (not binary), found[1]
-        if _numbered(source, behind) is not None:
-            # It opens another: the end of this one, or the opening of that, is lost.
-            return stop, stop, ""
-        if not binary or _next_is_fine(source, behind):
             return stop, behind, ""
-        position = found[0] + 1
+    position = start
+    while found := source.find(position, _DELIMITER, b"    -1"):
+        at, behind = found
+        if _alone(source, behind):
+            # It opens another: the end of this one, or the opening of that, is lost.
+            return at, at, ""
+        if data_set.binary is not None:
+            closes = _next_is_fine(source, behind)
+        else:
+            closes = at == start or source.read(at - 1, at) == b"\n"
+        if closes:
+            return at, behind, ""
+        position = at + 1
     return source.size, source.size, "the file is cut off within it"
+
+
+def _alone(source: UffSource, position: int) -> bool:
+    """Whether a line with the number of a data set and nothing else stands here."""
+    return _ALONE.match(source.read(position, position + _OVERLAP)) is not None
 
 
 def _next_is_fine(source: UffSource, position: int) -> bool:

@@ -80,7 +80,7 @@ def read_records(
                 found.append(_response(source, function, names, remarks))
             except DataFileError as error:
                 skipped.append(function.skipped(reason_of(error), source.line_of(function.data_set.at)))
-        kept = _alike(source, found, skipped)
+        kept = _alike(source, _once(source, found, skipped), skipped)
         if kept:
             number = _number(kept[0].function)
             about = {**notes[1], **notes[0].records.get(number or 0, {})}
@@ -169,6 +169,17 @@ def _fill(values: Array, source: UffSource, function: Function58, factor: float)
         row += len(block)
 
 
+def _once(source: UffSource, found: list[_Response], skipped: list[Skipped]) -> list[_Response]:
+    """Every channel once, the first."""
+    first: dict[str, _Response] = {}
+    for response in found:
+        earlier = first.setdefault(response.channel.label, response)
+        if earlier is not response:
+            reason = f"{response.channel.label} again, as in {earlier.function.numbered}, which is kept"
+            skipped.append(response.function.skipped(reason, source.line_of(response.function.data_set.at)))
+    return list(first.values())
+
+
 def _alike(source: UffSource, found: list[_Response], skipped: list[Skipped]) -> list[_Response]:
     """Those of a record that share one sampling; the others, fewer of them, are left and named."""
     if not found:
@@ -244,10 +255,11 @@ def _number(function: Function58) -> int | None:
 
 def _rate(step: float) -> float:
     """The roundest rate of which the step is the inverse, rounded as it is written: 512 Hz of 1.95313E-03 s."""
-    digits = max(_FIELD, len(f"{step:.{_FIGURES}e}".split("e")[0].rstrip("0")) - 2)
-    exact_rate = 1 / step
+    mantissa, exponent = f"{step:.{_FIGURES}e}".split("e")
+    digits = max(_FIELD, len(mantissa.rstrip("0")) - 2)
+    half = 0.501 * 10.0 ** (int(exponent) - digits)  # some round halves up, and some to even
     for figures in range(1, _FIGURES):
-        rate = float(f"{exact_rate:.{figures}g}")
-        if f"{1 / rate:.{digits}e}" == f"{step:.{digits}e}":
+        rate = float(f"{1 / step:.{figures}g}")
+        if abs(1 / rate - step) <= half:
             return rate
-    return float(f"{exact_rate:.{_FIGURES}g}")
+    return float(f"{1 / step:.{_FIGURES}g}")
