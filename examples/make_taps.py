@@ -12,10 +12,9 @@ import re
 import sys
 from pathlib import Path
 
-from armonic.files.measured_uff_writer import write_measured_uff
-
 import armonic as am
 from armonic import examples
+from armonic.files.measured_uff_writer import write_measured_uff
 from armonic.simulation.tap_test import TapTest, tap_test
 
 NAME = "taps.uff"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -13,8 +13,11 @@ if TYPE_CHECKING:
 
     from armonic.response import Frf
 
+    Array: TypeAlias = NDArray[np.float64]
+    Complex: TypeAlias = NDArray[np.complex128]
 
-def frac(measured: Frf, model: Frf, *, used: ArrayLike | None = None) -> NDArray[np.float64]:
+
+def frac(measured: Frf, model: Frf, *, used: ArrayLike | None = None) -> Array:
     """Frequency response assurance criterion of each response: 1 where one is a multiple of the other, 0 at worst.
 
     |Σ H_a H_b*|² / (Σ |H_a|² Σ |H_b|²) over the lines (Heylen, Lammens, *FRAC: a consistent way of comparing frequency
@@ -45,6 +48,11 @@ def frac(measured: Frf, model: Frf, *, used: ArrayLike | None = None) -> NDArray
         except ValueError:
             raise FrfError("used", found=f"shape {chosen.shape}", expected=f"shape {a.shape}") from None
         a, b = np.where(chosen, a, 0.0), np.where(chosen, b, 0.0)
+    return frac_of(a, b)
+
+
+def frac_of(a: Complex, b: Complex) -> Array:
+    """The criterion of responses as arrays, lines first: (L, ...) each gives (...); see `frac`."""
     a, b = (side / np.maximum(np.abs(side).max(axis=0), np.finfo(float).tiny) for side in (a, b))
     sizes = (np.abs(a) ** 2).sum(axis=0) * (np.abs(b) ** 2).sum(axis=0)
     shared = np.abs((a * b.conj()).sum(axis=0)) ** 2

@@ -11,7 +11,7 @@ import numpy as np
 from armonic.errors import SignalError
 from armonic.experiment.contacts import at_rest, contacts
 from armonic.experiment.estimators import Estimator, frf_estimate
-from armonic.experiment.hits import Hit, find_hits
+from armonic.experiment.hits import BEFORE_S, NO_NUMBERS, Hit, find_hits
 from armonic.experiment.signals import as_records, full_scales, roles
 from armonic.frf_set import FrfSet
 from armonic.response import KINDS
@@ -33,6 +33,8 @@ BELOW_DB = 20.0
 """A force that is weaker by so much no longer excites."""
 ALIASING = 0.4
 """Share of the sampling rate up to which anti-alias filters are trusted."""
+LEAST_SAMPLES = 16
+"""Of a window."""
 BLOCKS = 8
 """Blocks without overlap that a record of a shaker is cut into where nothing is asked."""
 
@@ -47,7 +49,7 @@ class FrfEstimate:
         excitation: "hits", "random" or "sweep".
         estimator: H1, H2 or Hv.
         window_s: length of the window of a hit, or of a block.
-        force_spectrum: mean autospectrum of each force over the lines of `frfs`, (L, inputs), N².
+        force_spectrum: mean square of each force's transform over the lines of `frfs`, (L, inputs), N² s².
         remarks: what a user should know, in full sentences.
     """
 
@@ -132,6 +134,10 @@ def estimate_frf(
         raise SignalError("window_s", found=repr(window_s), expected="a positive time in s")
     if decay_rate != "auto" and not (isinstance(decay_rate, int | float) and 0 <= decay_rate < np.inf):
         raise SignalError("decay_rate", found=repr(decay_rate), expected='"auto" or a rate in 1/s of at least 0')
+    if not 0 <= pretrigger_s < np.inf:
+        raise SignalError("pretrigger_s", found=repr(pretrigger_s), expected="a time in s of at least 0")
+    if not 0 <= overlap < 1:
+        raise SignalError("overlap", found=repr(overlap), expected="a share from 0 up to 1")
     scales = full_scales(given, full_scale)
     chosen = _looks_like(given, trigger) if excitation == "auto" else excitation
     if progress is not None:
@@ -148,8 +154,8 @@ def estimate_frf(
         rate, a = given[0].sample_rate_hz, 0.0
         length = window_s if window_s is not None else min(len(r) for r in given) / rate / BLOCKS
         samples = round(length * rate)
-        if samples < 16 or not 0 <= overlap < 1:
-            raise SignalError("window_s", found=f"{length:g} s, overlap {overlap:g}", expected="blocks of 16 samples")
+        if samples < LEAST_SAMPLES:
+            raise SignalError("window_s", found=f"{length:g} s", expected=f"at least {LEAST_SAMPLES / rate:g} s")
         cut = [block for k, record in enumerate(given) for block in _blocks(record, k, samples, overlap)]
         if not cut:
             found = f"records shorter than {length:g} s"
@@ -183,16 +189,22 @@ def _hits(
     double_hit: float,
     keep: Sequence[int] | None,
 ) -> tuple[tuple[Hit, ...], list[str]]:
-    found = [
-        hit
-        for k, record in enumerate(records)
-        for hit in find_hits(record, number=k, trigger=trigger, double_hit=double_hit, full_scale=scales[k])
-    ]
+    found: list[Hit] = []
+    remarks = []
+    for k, record in enumerate(records):
+        hits = find_hits(record, number=k, trigger=trigger, double_hit=double_hit, full_scale=scales[k])
+        if not hits:
+            remarks.append(f"Record {k + 1} holds no hit.")
+        found += hits
+    if not found:
+        known = roles(records[0])
+        names = ", ".join(records[0].labels[c] for c in known.forces)
+        raise SignalError("records", found=f"no hit in {names}", expected="pulses of a hammer", hint="See excitation=.")
     if keep is not None:
         wrong = [k for k in keep if not 0 <= k < len(found)]
         if wrong or not len(keep):
             raise SignalError("keep", found=f"hit {wrong[0]}" if wrong else "none", expected=f"0 to {len(found) - 1}")
-        bad = [k for k in keep if "no numbers" in found[k].reason]
+        bad = [k for k in keep if NO_NUMBERS in found[k].reason]
         if bad:
             raise SignalError("keep", found=f"hit {bad[0]}: {found[bad[0]].reason}", expected="hits of numbers")
         found = [replace(h, used=k in keep, reason=h.reason if k in keep else "left out") for k, h in enumerate(found)]
@@ -202,7 +214,6 @@ def _hits(
         raise SignalError(
             "records", found=f"no usable hit ({listed})", expected="one at least", hint="keep= uses hits all the same."
         )
-    remarks = []
     if left := len(found) - len(used):
         remarks.append(f"{count(left, 'hit')} of {len(found)} not used.")
     return tuple(found), remarks
@@ -231,7 +242,9 @@ def _window(
             expected=f"at most {least / rate:.4g} s",
             hint=f"Lines come no closer than {rate / least:.3g} Hz then.",
         )
-    return max(samples, 16), rate
+    if samples < LEAST_SAMPLES:
+        raise SignalError("window_s", found=f"{asked_s:g} s", expected=f"at least {LEAST_SAMPLES / rate:g} s")
+    return samples, rate
 
 
 def _decay(
@@ -249,7 +262,9 @@ def _decay(
         known = roles(record, hit.record)
         values = record.values[:, known.responses] * known.factors[list(known.responses)]
         stop = min(hit.first + samples, hit.stop)
-        values = values[hit.first : stop] - values[max(hit.first - round(0.1 * rate), 0) : hit.first + 1].mean(axis=0)
+        values = values[hit.first : stop] - values[max(hit.first - round(BEFORE_S * rate), 0) : hit.first + 1].mean(
+            axis=0
+        )
         part = max(len(values) // 20, 2)
         start, end = (np.sqrt((side**2).mean(axis=0)) for side in (values[:part], values[-part:]))
         k = int(np.argmax(start))
@@ -267,7 +282,7 @@ def _tapped(record: TimeSeries, hit: Hit, samples: int, a: float, pretrigger_s: 
     """Spectra of force and responses in the window of a hit."""
     rate, known = record.sample_rate_hz, roles(record, hit.record)
     column = known.forces[known.inputs.index(hit.force)]
-    start = max(hit.first - round(pretrigger_s * rate), hit.stop - samples if hit.stop - samples < hit.first else 0, 0)
+    start = max(hit.first - round(pretrigger_s * rate), 0)
     stop = min(start + samples, hit.stop)
     time_s = np.arange(stop - start) / rate
     force = at_rest(record.values[:, column], rate)[0][start:stop] * known.factors[column]
@@ -277,13 +292,12 @@ def _tapped(record: TimeSeries, hit: Hit, samples: int, a: float, pretrigger_s: 
         beyond = np.maximum(np.maximum(hit.first - reach - span, span - hit.last - reach), 0)
         force = force * np.where(beyond < reach, 0.5 + 0.5 * np.cos(np.pi * np.minimum(beyond / reach, 1)), 0.0)
     columns = list(known.responses)
-    rest = record.values[max(start - round(0.05 * rate), 0) : max(hit.first - 1, 1)][:, columns]
+    rest = record.values[max(hit.first - round(BEFORE_S * rate), 0) : max(hit.first, 1)][:, columns]
     responses = (record.values[start:stop][:, columns] - rest.mean(axis=0)) * known.factors[columns]
     fall = np.exp(-a * time_s)
-    padded = samples if samples >= stop - start else stop - start
-    F = np.fft.rfft(force * fall, padded)[:, None] / rate
-    Y = np.fft.rfft(responses * fall[:, None], padded, axis=0) / rate
-    return _Block((hit.force,), known.outputs, F, _alike(Y, known.powers, np.fft.rfftfreq(padded, 1 / rate), a))
+    F = np.fft.rfft(force * fall, samples)[:, None] / rate
+    Y = np.fft.rfft(responses * fall[:, None], samples, axis=0) / rate
+    return _Block((hit.force,), known.outputs, F, _alike(Y, known.powers, np.fft.rfftfreq(samples, 1 / rate), a))
 
 
 def _blocks(record: TimeSeries, number: int, samples: int, overlap: float) -> list[_Block]:
@@ -339,9 +353,12 @@ def _assembled(
     measured = averages > 0
     known = bool((averages[measured] > len(blocks[0].inputs)).all())
     if not known:
-        remarks.append("One hit only for some responses: there is no coherence, and noise is judged by the fit.")
-    top = _highest(freq_hz, force, rate) if max_hz is None else max_hz
-    used = (freq_hz > 0) & (freq_hz <= top) if top > freq_hz[1] else freq_hz > 0
+        remarks.append("One average only for some responses: no coherence, and noise is judged by the fit.")
+    if max_hz is not None and not freq_hz[1] <= max_hz <= rate / 2:
+        expected = f"{freq_hz[1]:g} to {rate / 2:g} Hz"
+        raise SignalError("max_hz", found=repr(max_hz), expected=expected)
+    top = max(_highest(freq_hz, force, rate), freq_hz[1]) if max_hz is None else max_hz
+    used = (freq_hz > 0) & (freq_hz <= top)
     frfs = FrfSet(
         freq_hz[used], values[used], KINDS[2], outputs, inputs,
         coherence=coherence[used] if known else None, averages=averages, measured=measured, decay_rate=a,

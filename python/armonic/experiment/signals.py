@@ -25,6 +25,14 @@ _ANGLES = {"rad": 1.0, "mrad": 1e-3, "deg": np.pi / 180}
 _GRAVITY = {"g": 9.80665, "gn": 9.80665, "mg": 9.80665e-3}
 _FORCES = {"N": 1.0, "mN": 1e-3, "kN": 1e3, "lbf": 4.4482216152605}
 _MOMENTS = {"Nm": 1.0, "Nmm": 1e-3, "kNm": 1e3}
+_NEAR = 0.995
+"""Of its full scale a converter reaches all but one step, and of few bits a step is large."""
+_RUN = 3
+"""Two equal samples stand on top of any symmetric pulse."""
+_EDGE_STEPS = 4.0
+"""A parabola that stays three samples within one step is less than three steps lower beside them."""
+_AWAY = 0.1
+"""A signal at rest stands like a table, too: what is clipped lies farther from the median, as a share of the span."""
 _PLAIN = str.maketrans({"²": "2", "^": None, "·": None, "*": None, " ": None, "µ": "u", "μ": "u"})
 
 
@@ -180,8 +188,8 @@ def overloaded(values: Array, full_scale: float | None = None) -> Mask:
     """Where a signal is clipped, (samples,).
 
     With a full scale, where it comes within 0.5 % of it. Without one, where three or more equal samples stand at the
-    record's maximum or minimum like a table: the signal falls off by more than four of its smallest steps on either
-    side, which the rounded top of a slow vibration does not.
+    record's maximum or minimum like a table, away from where it rests: the signal falls off by more than four of its
+    smallest steps on either side, which the rounded top of a slow vibration does not.
 
     Args:
         values: (samples,) as they were recorded; NaN is not looked at.
@@ -195,24 +203,19 @@ def overloaded(values: Array, full_scale: float | None = None) -> Mask:
         return clipped
     steps = np.abs(np.diff(finite))
     smallest = float(steps[steps > 0].min())
+    rest, span = float(np.median(finite)), float(np.ptp(finite))
     for extreme in (finite.max(), finite.min()):
+        if abs(extreme - rest) < _AWAY * span:
+            continue
         at = np.flatnonzero(values == extreme)
         runs = np.split(at, np.flatnonzero(np.diff(at) > 1) + 1)
         for run in runs:
             if len(run) < _RUN:
                 continue
             beside = [values[k] for k in (run[0] - 1, run[-1] + 1) if 0 <= k < len(values) and np.isfinite(values[k])]
-            if beside and min(abs(extreme - side) for side in beside) > _EDGE_STEPS * smallest:
+            if beside and max(abs(extreme - side) for side in beside) > _EDGE_STEPS * smallest:
                 clipped[run] = True
     return clipped
-
-
-_NEAR = 0.995
-"""Of its full scale a converter reaches all but one step, and of few bits a step is large."""
-_RUN = 3
-"""Two equal samples stand on top of any symmetric pulse."""
-_EDGE_STEPS = 4.0
-"""A parabola that stays three samples within one step is less than three steps lower beside them."""
 
 
 def _factor(record: TimeSeries, column: int, where: str) -> float:

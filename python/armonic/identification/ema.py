@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
+from armonic.assurance import frac_of
 from armonic.comparison import ModeTable
 from armonic.errors import FrfError, SignalError
 from armonic.frf_set import FrfSet
@@ -21,7 +22,7 @@ from armonic.identification.polyreference import polyreference_lscf
 from armonic.identification.refinement import WEAK
 from armonic.identification.refinement import refine as refined
 from armonic.identification.residues import fit_residues
-from armonic.identification.samples import checked_band, checked_orders
+from armonic.identification.samples import blas_on_one_thread, checked_band, checked_orders
 from armonic.identification.selection import SelectedMode, rejected_for
 from armonic.identification.stabilization import Criteria, Stabilization, stabilize
 from armonic.response import KINDS, Frf
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
 
 Method = Literal["plscf", "lsce"]
 """Polyreference least-squares complex frequency domain, or least-squares complex exponentials."""
-MOST_ORDER: dict[str, int] = {"plscf": 60, "lsce": 60}
+MOST_ORDER = 60
 """Largest model order where none is asked for."""
 FAR = 0.1
 """A pole that refinement moves by more than this share is not the one that was selected."""
@@ -186,7 +187,7 @@ def ema(
     given = as_set(frfs)
     band = checked_band(band_hz)
     used = _usable(given if band is None else given.band(*band))
-    asked = _default_orders(used, method) if orders is None else orders
+    asked = _default_orders(used) if orders is None else orders
     listed = checked_orders(asked)
     say(f"poles of orders {listed[0]} to {listed[-1]}")
     models = _poles(used, method, asked, band)
@@ -197,8 +198,9 @@ def ema(
     chosen = select_modes(stabilization, combinations=False, **share)
     low, high = used.freq_hz[0], used.freq_hz[-1]
     inside = [mode for mode in chosen.modes if low <= mode.natural_freq_hz <= high and mode.damping_ratio > 0]
-    say("fitting residues")
-    model, refinement, kept, dropped, remarks = _fitted(used, inside, refine=refine, real=real)
+    say("fitting poles and residues" if refine else "fitting residues")
+    with blas_on_one_thread():
+        model, refinement, kept, dropped, remarks = _fitted(used, inside, refine=refine, real=real)
     scaling = modal_scaling(model)
     modes = [replace(mode, shape=shape) for mode, shape in zip(kept, unit_shapes(scaling.shapes), strict=True)]
     return EmaResult(
@@ -242,9 +244,9 @@ def _usable(frfs: FrfSet) -> FrfSet:
     return frfs.lines(np.arange(1, len(frfs.freq_hz)))
 
 
-def _default_orders(frfs: FrfSet, method: Method) -> tuple[int, int]:
-    """2 to 60, or what the lines are good for: twice as many equations as unknowns."""
-    return 2, max(4, min(MOST_ORDER[method], len(frfs.freq_hz) // 4))
+def _default_orders(frfs: FrfSet) -> tuple[int, int]:
+    """2 to 60, or what the lines are good for."""
+    return 2, max(4, min(MOST_ORDER, len(frfs.freq_hz) // 4))
 
 
 def _poles(
@@ -259,19 +261,24 @@ Fitted: TypeAlias = "tuple[ModalModel, Refinement | None, list[SelectedMode], li
 
 
 def _fitted(frfs: FrfSet, modes: Sequence[SelectedMode], *, refine: bool, real: bool) -> Fitted:
-    """The modal model of the selected modes; refined ones that turn out to be none are taken out one by one."""
+    """The modal model of the selected modes; refined ones that turn out to be none are taken out one by one.
+
+    Each round goes on from the poles of the one before, those outside the band too, which take longest to find.
+    """
     kept: list[SelectedMode] = list(modes)
     dropped: list[RejectedMode] = []
-    while True:
-        poles = np.array([mode.pole for mode in kept], np.complex128)
-        if not refine or not kept:
-            return fit_residues(frfs, poles, real=real), None, kept, dropped, []
-        found = refined(frfs, poles, real=real)
-        refuted = _refuted(found, poles, frfs)
-        if refuted is None:
-            return found.model, found, _with_poles(kept, found), dropped, list(found.remarks)
+    poles = np.array([mode.pole for mode in kept], np.complex128)
+    if not refine or not kept:
+        return fit_residues(frfs, poles, real=real), None, kept, dropped, []
+    found = refined(frfs, poles, real=real)
+    while (refuted := _refuted(found, np.array([mode.pole for mode in kept]), frfs)) is not None:
         index, reason = refuted
         dropped.append(rejected_for(kept.pop(index), reason))
+        if not kept:
+            return fit_residues(frfs, poles[:0], real=real), None, kept, dropped, []
+        model = found.model
+        found = refined(frfs, np.delete(model.poles, index), background=model.background_poles, real=real)
+    return found.model, found, _with_poles(kept, found), dropped, list(found.remarks)
 
 
 def _refuted(found: Refinement, start: NDArray[np.complex128], frfs: FrfSet) -> tuple[int, str] | None:
@@ -323,10 +330,5 @@ def _with_poles(modes: Sequence[SelectedMode], found: Refinement) -> list[Select
 
 def _frac(frfs: FrfSet, model: ModalModel) -> Array:
     """How alike measured and synthesized responses are, at the lines as measured, beside the axis or on it."""
-    made = model.receptance(frfs.s)
-    seen = frfs.to("receptance").values
-    s = np.abs(frfs.s)[:, None, None] ** KINDS.index(frfs.kind)
-    a, b = seen * s, made * s
-    shared = np.abs((a * b.conj()).sum(axis=0)) ** 2
-    sizes = (np.abs(a) ** 2).sum(axis=0) * (np.abs(b) ** 2).sum(axis=0)
-    return np.asarray(np.divide(shared, sizes, out=np.full(sizes.shape, np.nan), where=frfs.measured & (sizes > 0)))
+    made = model.receptance(frfs.s) * (frfs.s ** KINDS.index(frfs.kind))[:, None, None]
+    return np.where(frfs.measured, frac_of(frfs.values, made), np.nan)
