@@ -201,8 +201,7 @@ def overloaded(values: Array, full_scale: float | None = None) -> Mask:
     finite = values[np.isfinite(values)]
     if finite.size < _RUN or np.ptp(finite) == 0:
         return clipped
-    steps = np.abs(np.diff(finite))
-    smallest = float(steps[steps > 0].min())
+    smallest = float(np.diff(np.unique(finite)).min())  # of a converter, its step
     rest, span = float(np.median(finite)), float(np.ptp(finite))
     for extreme in (finite.max(), finite.min()):
         if abs(extreme - rest) < _AWAY * span:
