@@ -31,6 +31,8 @@ _RUN = 3
 """Two equal samples stand on top of any symmetric pulse."""
 _EDGE_STEPS = 4.0
 """A parabola that stays three samples within one step is less than three steps lower beside them."""
+_FEWEST_STEPS = 256
+"""In the span of a signal: no converter is coarser, but a short pulse alone has few values."""
 _AWAY = 0.1
 """A signal at rest stands like a table, too: what is clipped lies farther from the median, as a share of the span."""
 _PLAIN = str.maketrans({"²": "2", "^": None, "·": None, "*": None, " ": None, "µ": "u", "μ": "u"})
@@ -201,8 +203,8 @@ def overloaded(values: Array, full_scale: float | None = None) -> Mask:
     finite = values[np.isfinite(values)]
     if finite.size < _RUN or np.ptp(finite) == 0:
         return clipped
-    smallest = float(np.diff(np.unique(finite)).min())  # of a converter, its step
     rest, span = float(np.median(finite)), float(np.ptp(finite))
+    smallest = min(float(np.diff(np.unique(finite)).min()), span / _FEWEST_STEPS)  # of a converter, its step
     for extreme in (finite.max(), finite.min()):
         if abs(extreme - rest) < _AWAY * span:
             continue
