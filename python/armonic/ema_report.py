@@ -20,6 +20,8 @@ from armonic.series import ROBOT_FILE
 from armonic.writing import write_whole
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from armonic.comparison import Comparison
     from armonic.experiment.estimation import FrfEstimate
     from armonic.files.measured_file import Geometry
@@ -103,6 +105,7 @@ def write_ema_report(
     posture: Posture | None = None,
     estimate: FrfEstimate | None = None,
     geometry: Geometry | None = None,
+    remarks: Sequence[str] = (),
     title: str | None = None,
 ) -> Path:
     """Write the report of an experimental modal analysis: responses, modes, diagrams, shapes, and how it was made.
@@ -116,6 +119,7 @@ def write_ema_report(
         posture: where it stood; by default the posture of `reference`, or the only one it names.
         estimate: how the responses came from signals: hits and remarks.
         geometry: positions of points that are no frames of the robot, and lines.
+        remarks: further sentences that stand first, such as what of the file was not read.
         title: the heading; by default "Identified modes" and the robot's name, if it is known.
 
     Returns:
@@ -128,7 +132,14 @@ def write_ema_report(
     """
     target = Path(path)
     page = render(
-        result, reference=reference, robot=robot, posture=posture, estimate=estimate, geometry=geometry, title=title
+        result,
+        reference=reference,
+        robot=robot,
+        posture=posture,
+        estimate=estimate,
+        geometry=geometry,
+        remarks=remarks,
+        title=title,
     )
     write_whole(target, page.encode("utf-8", "replace"))  # a name may hold half a character
     return target
@@ -142,6 +153,7 @@ def render(
     posture: Posture | None = None,
     estimate: FrfEstimate | None = None,
     geometry: Geometry | None = None,
+    remarks: Sequence[str] = (),
     title: str | None = None,
 ) -> str:
     """The report as a text of HTML; `write_ema_report` writes it to a file."""
@@ -160,7 +172,7 @@ def render(
         "file": frfs.notes.get("file"),
         "summary": _lead(result),
         "doubts": _doubts(result),
-        "remarks": _remarks(result, estimate),
+        "remarks": _remarks(result, estimate, remarks),
         "tiles": _tiles(result, comparison),
         "modes": tables.mode_rows(result, reference, comparison),
         "deviations": _deviation_words(result),
@@ -216,14 +228,15 @@ def _doubts(result: EmaResult) -> list[str]:
     return [*([poor] if poor else []), *tables.defect_words(result)]
 
 
-def _remarks(result: EmaResult, estimate: FrfEstimate | None) -> list[str]:
-    told = list(estimate.remarks) if estimate is not None else []
+def _remarks(result: EmaResult, estimate: FrfEstimate | None, further: Sequence[str]) -> list[str]:
+    told = list(further)
+    told += list(estimate.remarks) if estimate is not None else []
     told += [_sentence(words) for words in result.remarks]
     if result.refinement is not None:
         told += [_sentence(words) for words in _ended(result.refinement)]
     if result.modes:
         told += [_sentence(words) for words in result.scaling.remarks]
-    if result.frfs.decay_rate:
+    if result.frfs.decay_rate and not any("exponential window" in words for words in told):
         told.append(
             f"The responses have an exponential window of {text.format_si(result.frfs.decay_rate, '1/s')}; the damping"
             " that it adds is taken off the modes."

@@ -19,10 +19,9 @@ from armonic.cli.campaign import (
     KeepOption,
     ResolutionOption,
     responses,
-    stages,
 )
 from armonic.cli.outputs import check_output
-from armonic.cli.terminal import remark
+from armonic.cli.terminal import remark, stages_progress
 from armonic.errors import ArmonicError, FrfError, SignalError
 
 if TYPE_CHECKING:
@@ -130,7 +129,7 @@ def ema(
     from armonic.identification.ema import ema as compute
 
     try:
-        with stages("Identifying") as progress:
+        with stages_progress("Identifying") as progress:
             result = compute(found.frfs, progress=progress, **asked)
     except KeyboardInterrupt:
         remark("interrupted: nothing was written")

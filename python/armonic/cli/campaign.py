@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,6 +11,7 @@ import typer
 
 from armonic.cli.amounts import amount
 from armonic.cli.arguments import UsageError, choice
+from armonic.cli.terminal import stages_progress
 from armonic.errors import ArmonicError, DataFileError, FrfError, SignalError
 
 if TYPE_CHECKING:
@@ -133,7 +132,7 @@ def responses(paths: Sequence[Path], channels: Path | None, estimating: Estimati
     from armonic.files.measured_files import read_measured
 
     options = estimating.options()
-    with stages("Reading") as say:
+    with stages_progress("Reading") as say:
         moved: Callable[[float], object] | None = None if say is None else lambda share: say(f"{share:.0%}")
         file = read_measured(list(paths), channels=channels, progress=moved)
     if file.frfs is not None:
@@ -151,30 +150,19 @@ def responses(paths: Sequence[Path], channels: Path | None, estimating: Estimati
     try:
         estimate = estimate_frf(file.records, **options)
     except (SignalError, FrfError) as error:
-        raise _named(error) from error
+        raise _named(error, estimating.keep) from error
     return Responses(estimate.frfs, estimate, file)
 
 
-_OPTIONS = {"resolution_hz": "--resolution", "decay_rate": "--decay", "keep": "--keep", "estimator": "--estimator"}
+_OPTIONS = {"resolution_hz": "--resolution", "window_s": "--resolution", "decay_rate": "--decay"}
 
 
-def _named(error: ArmonicError) -> ArmonicError:
-    option = _OPTIONS.get(error.where)
-    if option is None:
-        return error
-    return UsageError(option, found=error.found, expected=error.expected, hint=error.hint)
-
-
-@contextmanager
-def stages(doing: str) -> Iterator[Callable[[str], object] | None]:
-    """A line on stderr that says what is done now and vanishes at the end; None if nobody would see it."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (TextColumn(doing), BarColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("starting", total=None)
-        yield lambda stage: bar.update(task, description=stage)
+def _named(error: ArmonicError, keep: str | None) -> ArmonicError:
+    """The error, with the name of the option that was typed."""
+    if error.where == "keep":  # there counted from 0
+        return UsageError("--keep", found=repr(keep), expected="numbers of usable hits, counted from 1")
+    hint = None if error.hint is None else error.hint.replace("keep=", "--keep").replace("excitation=", "--excitation")
+    where = _OPTIONS.get(error.where)
+    if where is None:
+        return type(error)(error.where, found=error.found, expected=error.expected, hint=hint)
+    return UsageError(where, found=error.found, expected=error.expected, hint=hint)

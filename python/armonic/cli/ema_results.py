@@ -72,6 +72,7 @@ def deliver_ema(result: EmaResult, found: Responses, beside: Beside, wanted: Wan
                 posture=beside.posture,
                 estimate=found.estimate,
                 geometry=found.file.geometry,
+                remarks=[*found.file.remarks, *(f"Not read: {left}." for left in found.file.skipped)],
             )
             written["report"] = str(wanted.report)
     except (ArmonicError, OSError) as error:
@@ -100,6 +101,7 @@ def _compared(result: EmaResult, beside: Beside) -> Comparison | None:
 
 
 def _write(name: str, path: Path, result: EmaResult, found: Responses, side: Any, data: dict[str, Any]) -> None:
+    from armonic.comparison import ModeTable
     from armonic.files.measured_files import write_measured
     from armonic.writing import write_whole
 
@@ -118,7 +120,11 @@ def _write(name: str, path: Path, result: EmaResult, found: Responses, side: Any
             rows.append(",".join(map(repr, (mode.natural_freq_hz, mode.damping_ratio, *deviations))))
         write_whole(path, ("\n".join(rows) + "\n").encode())
     else:
-        write_measured(path, modes=result.table(), geometry=found.file.geometry)
+        scaling = result.scaling
+        modes = ModeTable(result.poles, scaling.shapes, scaling.dofs)
+        known = np.where(scaling.scaled, scaling.modal_a, 0)
+        scale: dict[str, Any] = {"modal_a": known} if path.suffix.lower() == ".uff" else {}
+        write_measured(path, modes=modes, geometry=found.file.geometry, **scale)
 
 
 def ema_tables(result: EmaResult, found: Responses, comparison: Comparison | None) -> Iterator[RenderableType]:
@@ -148,6 +154,8 @@ def ema_tables(result: EmaResult, found: Responses, comparison: Comparison | Non
         yield ""
         yield "Beside the modes of the model:"
         yield _beside_table(comparison)
+    if result.modes:
+        yield "± is the standard deviation that noise and misfit leave; what changes with amplitude is not in it."
     yield ""
     worst = np.nanmin(result.frac) if np.isfinite(result.frac).any() else np.nan
     if result.modes:
@@ -156,7 +164,7 @@ def ema_tables(result: EmaResult, found: Responses, comparison: Comparison | Non
         yield f"{count(len(result.rejected), 'group')} of poles rejected; --report says why."
     told = (*found.file.remarks, *(found.estimate.remarks if found.estimate else ()), *result.remarks)
     for text in told:
-        yield f"- {text}"
+        yield f"- {text[:1].upper()}{text[1:].rstrip('.')}."
     for left in found.file.skipped[:5]:
         yield warning(f"not read: {left}")
     if len(found.file.skipped) > 5:

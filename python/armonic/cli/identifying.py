@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,7 +13,7 @@ from armonic.cli.amounts import amount, span, whole
 from armonic.cli.arguments import ForceFlag, JsonFlag, UsageError
 from armonic.cli.outputs import check_output
 from armonic.cli.setting import SetOption, with_numbers
-from armonic.cli.terminal import remark
+from armonic.cli.terminal import remark, stages_progress
 from armonic.errors import ArmonicError, DataFileError, SignalError
 
 if TYPE_CHECKING:
@@ -364,7 +362,7 @@ def _load(notes: Any) -> dict[str, Any]:
 def _identify(series: TimeSeries, asked: dict[str, Any]) -> OmaResult:
     from armonic.identification.oma import oma as compute
 
-    with _stages() as progress:
+    with stages_progress("Identifying") as progress:
         try:
             return compute(series, progress=progress, **asked)
         except SignalError as error:
@@ -381,18 +379,3 @@ def _named(error: SignalError) -> ArmonicError:
     if hint is not None and "quiet=" in hint:
         hint = "Say with --window START:STOP what to take."
     return UsageError(option, found=error.found, expected=error.expected, hint=hint)
-
-
-@contextmanager
-def _stages() -> Iterator[Callable[[str], object] | None]:
-    """A line on stderr that says what is done now and vanishes at the end; None if nobody would see it."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (TextColumn("Identifying"), BarColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("starting", total=None)
-        yield lambda stage: bar.update(task, description=stage)

@@ -166,7 +166,7 @@ class Reading:
             UsageError: options of files with one matrix beside it.
             ArmonicError: the file makes no responses.
         """
-        if not (self.synthesize or self.channels is not None or _holds_records(path)):
+        if not (self.synthesize or self.channels is not None or _is_read_as_set(path)):
             return None
         others = ("kind", "scale", "axes", "outputs", "inputs", "responses", "response_node", "reference_node")
         if typed := [name for name in others if getattr(self, name) is not None]:
@@ -275,20 +275,19 @@ def measurements(
     return responses, modal, list(labels.values())
 
 
-def _holds_records(path: Path) -> bool:
-    """Whether a file that can hold time records does, and no frequency responses."""
-    if path.suffix.lower() not in (".uff", ".unv", ".uf58", ".h5", ".hdf5"):
-        return False
-    if path.suffix.lower() in (".h5", ".hdf5"):
-        return True
-    from armonic.files.cells import read_bytes
-    from armonic.files.uff_reader import parse
+def _is_read_as_set(path: Path) -> bool:
+    """Whether a file is of a format that is read as a set, or a universal file of time records alone."""
+    suffix = path.suffix.lower()
+    if suffix not in (".uff", ".unv", ".uf58"):
+        return suffix in (".h5", ".hdf5")
+    from armonic.files.measured_uff import function_types
+    from armonic.files.uff_reader import FRF, TIME_RESPONSE
 
     try:
-        functions, ignored = parse(read_bytes(path), str(path))
+        types = function_types(path)
     except DataFileError:
         return False  # the reader of matrices says what is wrong
-    return not functions and any("function type 1 " in what for what in ignored)
+    return TIME_RESPONSE in types and FRF not in types
 
 
 def _modes(path: Path, posture: Any) -> ModalMeasurement:

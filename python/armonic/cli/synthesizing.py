@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armonic.cli.campaign import Estimating, Responses, responses, stages
-from armonic.cli.terminal import remark
+from armonic.cli.campaign import Estimating, Responses, responses
+from armonic.cli.terminal import remark, stages_progress
 from armonic.errors import SignalError
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def synthesized_matrix(
     found = responses([path], channels, Estimating())
     _tell(found)
     at = _place(found, place)
-    with stages("Identifying") as progress:
+    with stages_progress("Identifying") as progress:
         result = ema(found.frfs, band_hz=band, progress=progress)
     if not result.modes:
         raise SignalError(

@@ -112,6 +112,21 @@ def fit_progress() -> Iterator[Callable[[FitProgress], None] | None]:
 
 
 @contextmanager
+def stages_progress(doing: str) -> Iterator[Callable[[str], object] | None]:
+    """A line on stderr that says what is done now and vanishes at the end; None if nobody would see it."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn(doing), BarColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("starting", total=None)
+        yield lambda stage: bar.update(task, description=stage)
+
+
+@contextmanager
 def steps_progress(doing: str, what: str) -> Iterator[Callable[[int, int], None] | None]:
     """A bar on stderr that vanishes at the end, and what moves it to (done, all); None if nobody would see it."""
     if not sys.stderr.isatty():

@@ -15,7 +15,6 @@ from armonic.experiment.hits import BEFORE_S, NO_NUMBERS, Hit, find_hits
 from armonic.experiment.signals import as_records, full_scales, roles
 from armonic.frf_set import FrfSet
 from armonic.response import KINDS
-from armonic.text import count
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -122,7 +121,7 @@ def estimate_frf(
     Raises:
         SignalError: records without force, response or hit, of different rates, or options that make no sense.
     """
-    given = as_records(records)
+    given, remarks = _usable(as_records(records))
     if excitation not in get_args(Excitation):
         raise SignalError("excitation", found=repr(excitation), expected=f"one of {', '.join(get_args(Excitation))}")
     if resolution_hz is not None:
@@ -142,10 +141,10 @@ def estimate_frf(
     chosen = _looks_like(given, trigger) if excitation == "auto" else excitation
     if progress is not None:
         progress("finding hits" if chosen == "hits" else "cutting blocks")
-    remarks: list[str] = []
     hits: tuple[Hit, ...] = ()
     if chosen == "hits":
-        hits, remarks = _hits(given, scales, trigger, double_hit, keep)
+        hits, told = _hits(given, scales, trigger, double_hit, keep)
+        remarks += told
         samples, rate = _window(given, hits, window_s, remarks)
         a, told = _decay(given, hits, samples, decay_rate)
         remarks += told
@@ -169,6 +168,27 @@ def estimate_frf(
     return FrfEstimate(
         replace(frfs, notes=notes), hits, chosen, estimator, samples / rate, spectrum, tuple(dict.fromkeys(remarks))
     )
+
+
+def _usable(given: tuple[TimeSeries, ...]) -> tuple[tuple[TimeSeries, ...], list[str]]:
+    """The records with forces and responses, and what is to be said of the others.
+
+    Raises:
+        SignalError: there is none.
+    """
+    kept, remarks = [], []
+    first: SignalError | None = None
+    for k, record in enumerate(given):
+        try:
+            roles(record, k)
+        except SignalError as error:
+            first = first or error
+            remarks.append(f"Record {k + 1} is left out: {error.found}.")
+        else:
+            kept.append(record)
+    if first is not None and not kept:
+        raise first
+    return tuple(kept), remarks
 
 
 def _looks_like(records: Sequence[TimeSeries], trigger: float) -> str:
@@ -203,10 +223,11 @@ def _hits(
     if keep is not None:
         wrong = [k for k in keep if not 0 <= k < len(found)]
         if wrong or not len(keep):
-            raise SignalError("keep", found=f"hit {wrong[0]}" if wrong else "none", expected=f"0 to {len(found) - 1}")
+            said = f"index {wrong[0]}" if wrong else "none"
+            raise SignalError("keep", found=said, expected=f"indices of {len(found)} hits, 0 to {len(found) - 1}")
         bad = [k for k in keep if NO_NUMBERS in found[k].reason]
         if bad:
-            raise SignalError("keep", found=f"hit {bad[0]}: {found[bad[0]].reason}", expected="hits of numbers")
+            raise SignalError("keep", found=f"index {bad[0]}: {found[bad[0]].reason}", expected="hits of numbers")
         found = [replace(h, used=k in keep, reason=h.reason if k in keep else "left out") for k, h in enumerate(found)]
     used = [hit for hit in found if hit.used]
     if not used:
@@ -214,8 +235,6 @@ def _hits(
         raise SignalError(
             "records", found=f"no usable hit ({listed})", expected="one at least", hint="keep= uses hits all the same."
         )
-    if left := len(found) - len(used):
-        remarks.append(f"{count(left, 'hit')} of {len(found)} not used.")
     return tuple(found), remarks
 
 

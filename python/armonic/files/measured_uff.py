@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -105,6 +106,21 @@ def read_measured_uff(
         source.done(1.0)
     skipped.sort(key=lambda one: (one.line, one.dataset))
     return MeasuredFile(str(path), tuple(records), frfs, modes, geometry, tuple(skipped), tuple(dict.fromkeys(remarks)))
+
+
+def function_types(path: str | Path) -> set[int]:
+    """Which function types the data sets 58 of a file are: 1 time responses, 4 frequency responses, and others.
+
+    Raises:
+        DataFileError: the file is no universal file.
+    """
+    found = set()
+    with UffSource(path) as source:
+        for data_set in data_sets(source):
+            if data_set.number == 58 and not data_set.fault:
+                with suppress(DataFileError):  # a damaged one is of no type
+                    found.add(read_lines_58(source.reader(data_set))[0])
+    return found
 
 
 def _take(source: UffSource, data_set: DataSet, found: _Found) -> None:

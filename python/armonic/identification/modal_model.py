@@ -167,7 +167,7 @@ class ModalModel:
         if residuals:
             poles = np.concatenate([poles, self.background_poles])
             residues = np.concatenate([residues, self.background_residues])
-        flat = residues.reshape(len(poles), -1)
+        flat = residues.reshape(len(poles), self.measured.size)
         away = s[:, None] - poles
         if not away.all():
             raise FrfError("s", found="a pole", expected="points where the response is finite")
