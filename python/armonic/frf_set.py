@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from armonic.errors import FrfError
-from armonic.response import KINDS, Frf, Kind
+from armonic.response import KINDS, Frf, Kind, lines_in_band
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -81,7 +81,9 @@ class FrfSet:
         measured = np.array(self.measured if np.size(self.measured) else np.ones(pairs), bool)
         if measured.shape != pairs or not measured.any():
             raise FrfError("FrfSet.measured", found=f"shape {measured.shape}", expected=f"{pairs}, one pair at least")
-        values = np.where(measured, plain.values, 0)
+        values = plain.values  # checked, of its own and read-only
+        if values[:, ~measured].any():
+            values = np.where(measured, values, 0)
         self._freeze("measured", measured)
         self._freeze("values", values)
         if self.coherence is not None:
@@ -99,10 +101,10 @@ class FrfSet:
         coherence = np.array(self.coherence, np.float64)
         if coherence.shape != shape:
             raise FrfError("FrfSet.coherence", found=f"shape {coherence.shape}", expected=f"shape {shape}")
-        coherence = np.where(self.measured, coherence, 0.0)
+        coherence[:, ~self.measured] = 0.0
         if not (np.isfinite(coherence).all() and (coherence >= -1e-9).all() and (coherence <= 1 + 1e-9).all()):
             raise FrfError("FrfSet.coherence", found="numbers that are none", expected="coherences from 0 to 1")
-        return np.clip(coherence, 0.0, 1.0)
+        return np.clip(coherence, 0.0, 1.0, out=coherence)
 
     def _set(self, name: str, value: object) -> None:
         object.__setattr__(self, name, value)
@@ -194,15 +196,7 @@ class FrfSet:
         Raises:
             FrfError: there is none.
         """
-        slack = 1e-9 * self.freq_hz  # a line read from a file may lie beside its number by rounding
-        kept = (self.freq_hz >= low_hz - slack) & (self.freq_hz <= high_hz + slack)
-        if not kept.any():
-            raise FrfError(
-                "band",
-                found=f"no line from {low_hz:g} to {high_hz:g} Hz",
-                expected=f"a band that meets {self.freq_hz[0]:g} to {self.freq_hz[-1]:g} Hz",
-            )
-        return self.lines(np.flatnonzero(kept))
+        return self.lines(lines_in_band(self.freq_hz, low_hz, high_hz))
 
     def lines(self, indices: ArrayLike) -> FrfSet:
         """The lines with these indices."""

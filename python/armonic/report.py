@@ -179,6 +179,7 @@ def _measurement(fit: Fit, k: int, embed: Callable[[go.Figure], Markup]) -> dict
         if m.raw is None
         else {"measured": m.raw, "synthesized": m.frf, "after": after}
     )
+    fitted = "measurement" if m.raw is None else "synthesized responses"
     bands = _bands(fit, m)
     if bands is not None:
         plots.add_bands(figure, bands)
@@ -190,7 +191,7 @@ def _measurement(fit: Fit, k: int, embed: Callable[[go.Figure], Markup]) -> dict
             + ("" if m.raw is None else ", synthesized from the modes that were identified in the measured responses")
         ),
         "deviation": (
-            f"Median deviation from the {'measurement' if m.raw is None else 'synthesized responses'}: {text.format_percent(new[0])} in magnitude and "
+            f"Median deviation from the {fitted}: {text.format_percent(new[0])} in magnitude and "
             f"{_degrees(new[1])} in phase (before: {text.format_percent(old[0])} and {_degrees(old[1])})."
         ),
         "figure": embed(figure),

@@ -176,14 +176,7 @@ class Frf:
         Raises:
             FrfError: there is no line in that band.
         """
-        slack = 1e-9 * self.freq_hz  # a line read from a file may lie beside its number by rounding
-        kept = (self.freq_hz >= low_hz - slack) & (self.freq_hz <= high_hz + slack)
-        if not kept.any():
-            raise FrfError(
-                "band",
-                found=f"no line from {low_hz:g} to {high_hz:g} Hz",
-                expected=f"a band that meets {self.freq_hz[0]:g} to {self.freq_hz[-1]:g} Hz",
-            )
+        kept = lines_in_band(self.freq_hz, low_hz, high_hz)
         return replace(self, freq_hz=self.freq_hz[kept], values=self.values[kept])
 
     def select(self, *, outputs: str | Sequence[str] | None = None, inputs: str | Sequence[str] | None = None) -> Frf:
@@ -199,6 +192,23 @@ class Frf:
         rows, out = _pick("outputs", outputs, self.outputs)
         columns, into = _pick("inputs", inputs, self.inputs)
         return replace(self, values=self.values[:, rows][:, :, columns], outputs=out, inputs=into)
+
+
+def lines_in_band(freq_hz: NDArray[np.float64], low_hz: float, high_hz: float) -> NDArray[np.intp]:
+    """Indices of the lines from `low_hz` to `high_hz`, both included.
+
+    Raises:
+        FrfError: there is none.
+    """
+    slack = 1e-9 * freq_hz  # a line read from a file may lie beside its number by rounding
+    kept = np.flatnonzero((freq_hz >= low_hz - slack) & (freq_hz <= high_hz + slack))
+    if not kept.size:
+        raise FrfError(
+            "band",
+            found=f"no line from {low_hz:g} to {high_hz:g} Hz",
+            expected=f"a band that meets {freq_hz[0]:g} to {freq_hz[-1]:g} Hz",
+        )
+    return kept
 
 
 def _set(frf: Frf, field: str, value: object) -> None:
