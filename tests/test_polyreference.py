@@ -12,10 +12,8 @@ from armonic.errors import FrfError, SignalError
 from armonic.frf_set import FrfSet
 from armonic.identification.matrix_fraction import LOWER_GAP, Circle
 from armonic.identification.polyreference import UPPER_GAP, polyreference_lscf
-from measured_systems import BATTERY, COMPLEX, KUKA, LINES_HZ, OUT_OF_BAND
+from measured_systems import BATTERY, COMPLEX, KUKA, LINES_HZ
 from modal_starts import (
-    CLOSE_MODES,
-    COARSE_HZ,
     KINDS,
     WINDOW,
     measured,
@@ -47,59 +45,6 @@ def test_noise_free_responses_of_any_kind_give_all_modes_and_no_other(name, kind
     assert found.false == 0
     assert found.freq_error < EXACT_FREQ
     assert found.damping_error < EXACT_DAMPING
-
-
-@pytest.mark.parametrize("references", [None, "none"])
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("name", BATTERY)
-def test_with_one_percent_of_noise_all_modes_are_found_close_enough_to_refine(name, seed, references):
-    models = polyreference_lscf(measured(BATTERY[name], noise=0.01, seed=seed), orders=ORDERS, references=references)
-    found = starts(modes_of(models), BATTERY[name])
-    assert found.complete
-    assert found.false == 0
-    assert found.freq_error < FREQ
-    assert found.damping_error < DAMPING
-
-
-@pytest.mark.parametrize("name", CLOSE_MODES)
-def test_modes_at_10_and_11_hz_are_both_found_in_95_of_100_draws(name):
-    system = BATTERY[name]
-    lines = LINES_HZ[3::4]  # a quarter of the lines: less data than is asked for, and fast
-    draws = [
-        starts(modes_of(polyreference_lscf(measured(system, lines, noise=0.01, seed=k), orders=(1, 20))), system)
-        for k in range(100)
-    ]
-    assert sum(draw.complete for draw in draws) >= 95
-    assert sum(draw.false > 0 for draw in draws) <= 5
-
-
-@pytest.mark.parametrize("name", BATTERY)
-def test_lines_of_half_a_hertz_with_an_exponential_window_give_the_modes_without_its_damping(name):
-    system = BATTERY[name]
-    draws = [
-        starts(
-            modes_of(polyreference_lscf(system.frfs(COARSE_HZ, noise=0.01, seed=k, decay_rate=WINDOW), orders=ORDERS)),
-            system,
-        )
-        for k in range(20)
-    ]
-    # The slowest mode of the ladder decays by 0.05/s beside the window's 2/s: little of its damping is left.
-    lenient = len(system.seen) - (name == "ladder")
-    assert sum(draw.found >= lenient for draw in draws) >= 19
-    assert np.median([draw.false for draw in draws]) == 0
-
-
-@pytest.mark.parametrize(
-    ("low", "high", "seen"), [(8, 13, (1, 2)), (15, 30, (3, 4)), (17, 21, (3,)), (9, 27, (1, 2, 3, 4))]
-)
-def test_a_band_far_above_zero_shows_its_modes_among_tails_of_the_others(low, high, seen):
-    system = replace(OUT_OF_BAND, seen=seen)
-    frfs = system.frfs(LINES_HZ, noise=0.01, seed=0)
-    found = starts(modes_of(polyreference_lscf(frfs, orders=ORDERS, band_hz=(low, high))), system)
-    assert found.complete
-    assert found.false == 0
-    assert found.freq_error < FREQ
-    assert found.damping_error < DAMPING
 
 
 def test_nearly_all_poles_that_decay_are_modes():

@@ -14,7 +14,16 @@ from armonic.files.coherence import ABOVE_ONE, SAME_LINE
 from armonic.files.measured_file import Skipped
 from armonic.files.sampling import Array
 from armonic.files.series_uff import of_ours
-from armonic.files.uff_functions import Function58, Names, quantity_of, reason_of, shown_dof, si_factor, units_of
+from armonic.files.uff_functions import (
+    Function58,
+    Names,
+    largest_agreeing,
+    quantity_of,
+    reason_of,
+    shown_dof,
+    si_factor,
+    units_of,
+)
 from armonic.files.uff_index import UffSource
 from armonic.files.uff_table import rows
 from armonic.frf_set import FrfSet
@@ -206,18 +215,8 @@ def _once(reading: _Reading, found: list[_Response]) -> list[_Response]:
 
 
 def _of_one_resolution(reading: _Reading, found: list[_Response]) -> list[_Response]:
-    sets: list[list[_Response]] = []
-    for response in found:
-        for other in sets:
-            if response.agrees(other[0]):
-                other.append(response)
-                break
-        else:
-            sets.append([response])
-    if not sets:
-        return []
-    kept = max(sets, key=len)
-    for response in (r for other in sets if other is not kept for r in other):
+    kept, left = largest_agreeing(found, _Response.agrees)
+    for response in left:
         reason = f"different resolutions in one set: {response.span}; {kept[0].function.numbered} has {kept[0].span}"
         reading.skip(response.function, reason)
     return kept

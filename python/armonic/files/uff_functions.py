@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import NamedTuple, TypeVar
 
 from armonic.errors import DataFileError
 from armonic.files.cells import AXES
@@ -22,6 +22,9 @@ _NOTE = re.compile(r"sensor frame: (?P<place>.+?)(?:, force at: (?P<hit>.+))?")
 _RATIO = re.compile(r"\(?(?P<over>[^()]+?)\)?/\(?(?P<under>k?N|mN|lbf|kgf)\)?")
 _SAME = 1e-6
 """Factors of units this near are one."""
+
+
+_Read = TypeVar("_Read")
 
 
 class Function58(NamedTuple):
@@ -216,3 +219,17 @@ def si_factor(label: str, quantity: str, axis: str, units: Units | None, told: l
     if abs(known.factor - stated) > _SAME * stated:
         told.append(f"{quantity.capitalize()} was converted from {label} to {own}, by {known.factor:g}.")
     return known.factor, own
+
+
+def largest_agreeing(found: Sequence[_Read], agree: Callable[[_Read, _Read], bool]) -> tuple[list[_Read], list[_Read]]:
+    """The most of them that agree with each other, the first of equals, and the others."""
+    sets: list[list[_Read]] = []
+    for one in found:
+        for other in sets:
+            if agree(one, other[0]):
+                other.append(one)
+                break
+        else:
+            sets.append([one])
+    kept = max(sets, key=len, default=[])
+    return kept, [one for other in sets if other is not kept for one in other]

@@ -13,7 +13,7 @@ from armonic.files.mapped import mapped_record
 from armonic.files.measured_file import Skipped
 from armonic.files.sampling import Array, settle
 from armonic.files.series_uff import exact, of_ours
-from armonic.files.uff_functions import Function58, Names, quantity_of, reason_of, si_factor, units_of
+from armonic.files.uff_functions import Function58, Names, largest_agreeing, quantity_of, reason_of, si_factor, units_of
 from armonic.files.uff_index import UffSource
 from armonic.files.uff_notes import Notes
 from armonic.files.uff_table import rows
@@ -182,18 +182,8 @@ def _once(source: UffSource, found: list[_Response], skipped: list[Skipped]) -> 
 
 def _alike(source: UffSource, found: list[_Response], skipped: list[Skipped]) -> list[_Response]:
     """Those of a record that share one sampling; the others, fewer of them, are left and named."""
-    if not found:
-        return []
-    sets: list[list[_Response]] = []
-    for response in found:
-        for other in sets:
-            if response.agrees(other[0]):
-                other.append(response)
-                break
-        else:
-            sets.append([response])
-    kept = max(sets, key=len)
-    for response in (r for other in sets if other is not kept for r in other):
+    kept, left = largest_agreeing(found, _Response.agrees)
+    for response in left:
         reason = f"{response.span}, where {kept[0].function.numbered} of the same record has {kept[0].span}"
         skipped.append(response.function.skipped(reason, source.line_of(response.function.data_set.at)))
     return kept

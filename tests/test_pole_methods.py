@@ -1,0 +1,73 @@
+"""What both methods of finding poles in frequency responses must do: every mode, close enough to refine, none false."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from armonic.identification.complex_exponential import complex_exponential
+from armonic.identification.polyreference import polyreference_lscf
+from measured_systems import BATTERY, LINES_HZ, OUT_OF_BAND
+from modal_starts import CLOSE_MODES, COARSE_HZ, WINDOW, measured, modes_of, starts
+
+ORDERS = (1, 30)
+FREQ, DAMPING = 0.005, 0.1
+"""Relative errors of frequency and damping: half of what refinement finds its way from, and a tenth."""
+
+METHODS = pytest.mark.parametrize("method", [polyreference_lscf, complex_exponential])
+
+
+@METHODS
+@pytest.mark.parametrize("references", [None, "none"])
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("name", BATTERY)
+def test_with_one_percent_of_noise_all_modes_are_found_close_enough_to_refine(name, seed, references, method):
+    models = method(measured(BATTERY[name], noise=0.01, seed=seed), orders=ORDERS, references=references)
+    found = starts(modes_of(models), BATTERY[name])
+    assert found.complete
+    assert found.false == 0
+    assert found.freq_error < FREQ
+    assert found.damping_error < DAMPING
+
+
+@METHODS
+@pytest.mark.parametrize("name", CLOSE_MODES)
+def test_modes_at_10_and_11_hz_are_both_found_in_95_of_100_draws(name, method):
+    system = BATTERY[name]
+    lines = LINES_HZ[3::4]  # a quarter of the lines: less data than is asked for, and fast
+    draws = [
+        starts(modes_of(method(measured(system, lines, noise=0.01, seed=k), orders=(1, 20))), system)
+        for k in range(100)
+    ]
+    assert sum(draw.complete for draw in draws) >= 95
+    assert sum(draw.false > 0 for draw in draws) <= 5
+
+
+@METHODS
+@pytest.mark.parametrize("name", BATTERY)
+def test_lines_of_half_a_hertz_with_an_exponential_window_give_the_modes_without_its_damping(name, method):
+    system = BATTERY[name]
+    draws = [
+        starts(modes_of(method(system.frfs(COARSE_HZ, noise=0.01, seed=k, decay_rate=WINDOW), orders=ORDERS)), system)
+        for k in range(20)
+    ]
+    # The slowest mode of the ladder decays by 0.05/s beside the window's 2/s: little of its damping is left.
+    lenient = len(system.seen) - (name == "ladder")
+    assert sum(draw.found >= lenient for draw in draws) >= 19
+    assert np.median([draw.false for draw in draws]) == 0
+
+
+@METHODS
+@pytest.mark.parametrize(
+    ("low", "high", "seen"), [(8, 13, (1, 2)), (15, 30, (3, 4)), (17, 21, (3,)), (9, 27, (1, 2, 3, 4))]
+)
+def test_a_band_far_above_zero_shows_its_modes_among_tails_of_the_others(low, high, seen, method):
+    system = replace(OUT_OF_BAND, seen=seen)
+    frfs = system.frfs(LINES_HZ, noise=0.01, seed=0)
+    found = starts(modes_of(method(frfs, orders=ORDERS, band_hz=(low, high))), system)
+    assert found.complete
+    assert found.false == 0
+    assert found.freq_error < FREQ
+    assert found.damping_error < DAMPING
