@@ -25,7 +25,7 @@ def blocks(language: str) -> list[str]:
 
 def test_the_library_example_of_the_readme_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "demo").mkdir()
-    for name in ("kuka_milling.uff", "kuka_start.yaml"):
+    for name in ("kuka_milling.uff", "kuka_start.yaml", "taps.uff"):
         shutil.copy(EXAMPLES / name, tmp_path / "demo")
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}

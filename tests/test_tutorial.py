@@ -26,6 +26,16 @@ def names(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return found
 
 
+def test_the_taps_give_the_modes_of_the_robot_and_a_model_that_has_them(names: dict[str, Any]) -> None:
+    true = am.modes(am.load("kuka_kr90"), "milling")
+    assert sum(not hit.used for hit in names["estimate"].hits) == 2
+    found, updated = names["found"], am.modes(names["first"].robot, "milling")
+    for modes in (found, updated):
+        # "within 0.5 % and a tenth of their damping"
+        np.testing.assert_allclose(modes.natural_freq_hz[:4], true.natural_freq_hz[:4], rtol=0.005)
+        np.testing.assert_allclose(modes.damping_ratio[:4], true.damping_ratio[:4], rtol=0.1)
+
+
 def test_the_fit_is_as_the_page_says(names: dict[str, Any]) -> None:
     fit = names["fit"]
     assert fit.status == "converged"
@@ -46,5 +56,5 @@ def test_the_planned_measurements_narrow_the_intervals(names: dict[str, Any]) ->
 
 
 def test_the_updated_robot_and_the_report_are_written(names: dict[str, Any]) -> None:
-    assert names["files"] == {"kuka_updated.yaml", "report.html"}
+    assert names["files"] == {"ema.html", "kuka_updated.yaml", "report.html"}
     assert isinstance(names["bands"], am.FrfBands)

@@ -41,7 +41,7 @@ def demo(
     if into.exists() and not into.is_dir():
         raise UsageError(f"--into {into}", found="a file", expected="a folder, or the name of a new one")
     into.mkdir(parents=True, exist_ok=True)
-    for name in (examples.MEASURED, examples.START, examples.TRUE):
+    for name in (examples.MEASURED, examples.START, examples.TRUE, examples.TAPS):
         write_whole(into / name, examples.read(name))
     true, measured = load(into / examples.TRUE), read_frf(into / examples.MEASURED)
     measurement = Measurement(measured, posture="milling", frame="sensor", label=examples.MEASURED)
@@ -75,6 +75,8 @@ def _explain(into: Path) -> None:
     line(f"  {command} check {start}")
     line(f"  {command} update {start} {measured} \\")
     line(f"      -o {robot} --report {report} --force")
+    line(f"  {command} ema {shlex.quote(str(into / examples.TAPS))}")
+    line(f"  {command} update kuka_kr90 {shlex.quote(str(into / examples.TAPS))} --synthesize")
     line(f"  {command} modes {robot}")
     line(f"  {command} frf {robot} -o {shlex.quote(str(into / 'updated.uff'))}")
     line(f"  {command} modes scompi --posture c8")
