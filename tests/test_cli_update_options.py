@@ -325,8 +325,15 @@ def test_bad_words_get_one_line_and_exit_code_2_and_nothing_is_written(
 def test_without_any_measured_file_there_is_nothing_to_fit(armonic: Armonic, tmp_path: Path) -> None:
     run = armonic("update", TRUE, "-o", "new.yaml")
     assert "found no measured file, expected FRF_FILE..., --modes FILE, or both" in run.error
-    assert "Missing option '-o'" in armonic("update", TRUE, MEASURED).error
     assert files(tmp_path) == []
+
+
+def test_without_an_output_the_fit_is_shown_and_not_kept(armonic: Armonic, empty_folder: Path) -> None:
+    run = armonic("update", TRUE, MEASURED)
+    assert run.code == 0
+    assert "The fit converged" in run.out
+    assert run.err == "nothing was written: -o FILE keeps the updated robot\n"
+    assert files(empty_folder) == []
 
 
 # Help

@@ -73,6 +73,8 @@ def deliver(
             line(f"Wrote {' and '.join(written.values())}{advice}.")
     if failure is not None:
         return refuse(failure, as_json=False)
+    if not (written or as_json):
+        remark("nothing was written: -o FILE keeps the updated robot")
     if fit.status != "interrupted":
         return 0
     kept = f"interrupted: the best of {fit.evaluations} evaluations was kept{' and written' if written else ''}"
