@@ -103,3 +103,16 @@ def test_what_makes_no_sense_is_refused_and_nothing_is_written(
     assert said in run.err
     assert len(run.err.splitlines()) == 1
     assert not list(empty_folder.iterdir())
+
+
+def test_modes_written_to_a_universal_file_are_fitted_with_their_shapes(armonic: Armonic, empty_folder: Path) -> None:
+    assert armonic("ema", TAPS, *FAST, "-o", "modes.uff").code == 0
+    run = armonic("update", "kuka_kr90", "--modes", "modes.uff", "--hold", "*damping", "-o", "new.yaml", "--json")
+    assert run.code == 0, run.err
+    found = am.read_measured("modes.uff").modes
+    assert found is not None
+    updated = am.modes(am.load("new.yaml"), "milling")
+    np.testing.assert_allclose(updated.natural_freq_hz[:4], found.natural_freq_hz[:4], rtol=0.005)  # its deviation
+    refused = armonic("update", "kuka_kr90", "--modes", FRFS, "-o", "none.yaml")
+    assert refused.code == 2
+    assert "found no modes" in refused.err

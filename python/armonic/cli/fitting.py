@@ -89,8 +89,9 @@ def update(
         list[Path] | None,
         typer.Option(
             "--modes",
-            metavar="FILE.csv",
-            help="Measured modes, alone or beside responses; repeatable. Columns: natural_freq_hz or damped_freq_hz;"
+            metavar="FILE",
+            help="Measured modes, alone or beside responses; repeatable. Universal files (data set 55) and .h5 with"
+            " their shapes, or .csv with the columns natural_freq_hz or damped_freq_hz;"
             " damping_ratio or damping_percent; freq_deviation, damping_deviation (shares; 0.005 and 0.1 if absent).",
             rich_help_panel=_DATA,
         ),

@@ -291,6 +291,8 @@ def _is_read_as_set(path: Path) -> bool:
 
 
 def _modes(path: Path, posture: Any) -> ModalMeasurement:
+    if path.suffix.lower() in (".uff", ".unv", ".uf58", ".h5", ".hdf5"):
+        return _modes_with_shapes(path, posture)
     from armonic.files.modal_table import read_modal_table
     from armonic.updating import ModalMeasurement
 
@@ -303,6 +305,34 @@ def _modes(path: Path, posture: Any) -> ModalMeasurement:
         damped=table.damped,
         label=path.name,
         **{name: values for name, values in deviations.items() if values is not None},  # type: ignore[arg-type]
+    )
+
+
+def _modes_with_shapes(path: Path, posture: Any) -> ModalMeasurement:
+    """Modes of a file that may hold shapes; shapes count where every place has the same axes.
+
+    Raises:
+        DataFileError: the file holds no modes.
+    """
+    from armonic.files.measured_files import read_measured
+    from armonic.frf_set import split_label
+    from armonic.updating import ModalMeasurement
+
+    modes = read_measured(path).modes
+    if modes is None:
+        raise DataFileError(str(path), found="no modes", expected="modes, such as data sets 55 of a universal file")
+    dofs = [split_label(name) for name in modes.coordinates or ()]
+    places, axes = (tuple(dict.fromkeys(dof[k] for dof in dofs)) for k in (0, 1))
+    order = [dofs.index((place, axis)) for place in places for axis in axes if (place, axis) in dofs]
+    whole = modes.shapes is not None and len(order) == len(places) * len(axes) > 1
+    return ModalMeasurement(
+        posture,
+        modes.natural_freq_hz,
+        modes.damping_ratio,
+        shapes=modes.shapes[:, order] if whole and modes.shapes is not None else None,
+        frame=places if whole else (),
+        outputs=axes if whole else ("x", "y", "z"),
+        label=path.name,
     )
 
 
