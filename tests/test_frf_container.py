@@ -203,3 +203,14 @@ def test_only_a_matrix_of_one_frame_is_made_symmetric() -> None:
 def test_a_band_holds_the_lines_at_its_ends_whatever_rounding_did_to_them() -> None:
     frf = Frf(np.array([4.8, 5.000000000000001, 5.2]), np.ones((3, 1, 1), complex), "receptance", ("x",), ("x",))
     assert frf.band(5, 5).freq_hz.size == 1
+
+
+def test_arrays_that_nothing_can_change_any_more_are_not_copied() -> None:
+    freq = np.array([1.0, 2.0])
+    values = np.ones((2, 1, 1), complex)
+    copied = Frf(freq, values, "accelerance", ("x",), ("x",))
+    assert copied.values is not values
+    values.setflags(write=False)
+    assert Frf(freq, values, "accelerance", ("x",), ("x",)).values is values
+    window = values[:]  # whose owner may be opened again
+    assert Frf(freq, window, "accelerance", ("x",), ("x",)).values is not window

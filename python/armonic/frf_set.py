@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from armonic.errors import FrfError
-from armonic.response import KINDS, Frf, Kind, lines_in_band
+from armonic.response import KINDS, Frf, Kind, is_settled, lines_in_band
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -37,7 +37,8 @@ class FrfSet:
     """Frequency responses from every input to every output, at one place or many; immutable.
 
     Unlike an `Frf`, which is the matrix at one sensor frame, a set has its degrees of freedom by name, "sensor.x", may
-    lack some of its pairs, and carries coherences. Arrays are copied in C order and made read-only.
+    lack some of its pairs, and carries coherences. Arrays are copied in C order and made read-only, unless they are that
+    already.
 
     Args:
         freq_hz: (L,) frequencies in Hz, not negative, strictly increasing.
@@ -98,9 +99,13 @@ class FrfSet:
         self._set("notes", MappingProxyType(dict(self.notes)))
 
     def _checked_coherence(self, shape: tuple[int, ...]) -> Array:
-        coherence = np.array(self.coherence, np.float64)
+        coherence = np.asarray(self.coherence, np.float64)
         if coherence.shape != shape:
             raise FrfError("FrfSet.coherence", found=f"shape {coherence.shape}", expected=f"shape {shape}")
+        settled = is_settled(coherence, np.float64) and not coherence[:, ~self.measured].any()
+        if settled and coherence.min() >= 0 and coherence.max() <= 1:  # which no NaN is
+            return coherence
+        coherence = np.array(coherence, order="C")
         coherence[:, ~self.measured] = 0.0
         if not (np.isfinite(coherence).all() and (coherence >= -1e-9).all() and (coherence <= 1 + 1e-9).all()):
             raise FrfError("FrfSet.coherence", found="numbers that are none", expected="coherences from 0 to 1")

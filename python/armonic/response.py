@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, get_args
+from typing import Any, Literal, TypeGuard, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 class Frf:
     """A matrix of frequency responses over one set of frequency lines; immutable.
 
-    Arrays are copied in C order and made read-only. Two instances are equal only if they are the same object.
+    Arrays are copied in C order and made read-only, unless they are that already. Two instances are equal only if they are the same object.
 
     Args:
         freq_hz: (L,) frequencies in Hz, finite, not negative, strictly increasing.
@@ -215,11 +215,22 @@ def _set(frf: Frf, field: str, value: object) -> None:
     object.__setattr__(frf, field, value)
 
 
+def is_settled(data: Any, dtype: type[np.generic]) -> TypeGuard[NDArray[Any]]:
+    """Whether data is an array in C order that owns its memory and is read-only: nothing is gained by a copy."""
+    return (
+        isinstance(data, np.ndarray)
+        and data.dtype == dtype
+        and data.base is None
+        and data.flags.c_contiguous
+        and not data.flags.writeable
+    )
+
+
 def _read_only(where: str, data: Any, dtype: type[np.generic]) -> NDArray[Any]:
     try:
         if dtype is np.float64 and np.iscomplexobj(data):
             raise TypeError("complex numbers")
-        array = np.array(data, dtype=dtype, order="C")
+        array = data if is_settled(data, dtype) else np.array(data, dtype=dtype, order="C")
     except (TypeError, ValueError, OverflowError) as error:
         expected = f"an array of {'real' if dtype is np.float64 else 'complex'} numbers"
         raise FrfError(where, found=f"{type(data).__name__} ({error})", expected=expected) from error

@@ -63,7 +63,7 @@ class _Reading:
 
     def __init__(self, source: UffSource, names: Names, skipped: list[Skipped], remarks: list[str]) -> None:
         self.source, self.names, self.skipped, self.remarks = source, names, skipped, remarks
-        self._lines: dict[tuple[float, float, int] | None, Array] = {}
+        self._lines: dict[tuple[float, float, int] | None, Array] = {}  # under None the last uneven ones
         self._placed: dict[tuple[str, str], tuple[str, ChannelPlace]] = {}
 
     def skip(self, function: Function58, reason: str) -> None:
@@ -110,7 +110,7 @@ class _Reading:
         """
         head = function.head
         key = (head.start, head.step, head.length) if head.even else None
-        if key in self._lines:
+        if key is not None and key in self._lines:
             return self._lines[key]
         if head.even:
             f = np.float64(head.start) + head.step * np.arange(head.length)
@@ -120,7 +120,10 @@ class _Reading:
             raise DataFileError(
                 "abscissa", found="frequencies that do not increase from 0 Hz on", expected="some in Hz"
             )
-        return f
+        last = self._lines.setdefault(key, f)
+        if not np.array_equal(last, f):
+            last = self._lines[key] = f
+        return last  # one array for all that share it
 
 
 def read_frfs(
@@ -230,15 +233,12 @@ def _assembled(
         tuple(dict.fromkeys(labels)) for labels in zip(*((r.output, r.input) for r in kept), strict=True)
     )
     highest = KINDS[max(KINDS.index(r.kind) for r in kept)]  # to it no line at 0 Hz is divided by zero
-    # The lines of a response lie side by side while it is read; the set turns them into columns when it copies them.
-    by_pair = np.zeros((len(outputs), len(inputs), f.size), np.complex128)
-    values = np.moveaxis(by_pair, 2, 0)
+    values, own = np.zeros((f.size, len(outputs), len(inputs)), np.complex128), np.empty(f.size, np.complex128)
     measured, averages = np.zeros(values.shape[1:], bool), np.zeros(values.shape[1:], np.int64)
     bad = _Bad(f)
     converted: list[str] = []
     for response in kept:
         i, j = outputs.index(response.output), inputs.index(response.input)
-        own = by_pair[i, j]
         try:
             with np.errstate(all="ignore"):  # what is not finite is dealt with below
                 reading.values(response.function, own)
@@ -249,8 +249,8 @@ def _assembled(
             bad.add(~np.isfinite(own), f"{response.output} to {response.input}")
         except DataFileError as error:
             reading.skip(response.function, reason_of(error))
-            own[:] = 0
             continue
+        values[:, i, j] = own
         measured[i, j], averages[i, j] = True, response.averages
     if not measured.any():
         return None
@@ -264,6 +264,9 @@ def _assembled(
         measured, averages = measured[np.ix_(rows_, columns)], averages[np.ix_(rows_, columns)]
     if bad.lines.any():
         reading.remarks.append(bad.told())
+    values.setflags(write=False)  # the set takes both as they are
+    if coherence is not None:
+        coherence.setflags(write=False)
     try:
         return FrfSet(
             f[~bad.lines],
