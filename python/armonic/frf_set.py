@@ -37,7 +37,7 @@ class FrfSet:
     """Frequency responses from every input to every output, at one place or many; immutable.
 
     Unlike an `Frf`, which is the matrix at one sensor frame, a set has its degrees of freedom by name, "sensor.x", may
-    lack some of its pairs, and carries coherences. Arrays are copied in C order and made read-only, unless they are that
+    lack some of its pairs, and carries coherences. Arrays are copied in C order and made read-only, unless they are so
     already.
 
     Args:
