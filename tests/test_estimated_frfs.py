@@ -160,3 +160,56 @@ def test_records_that_do_not_fit_are_refused() -> None:
         estimate_frf(bad)
     with pytest.raises(SignalError, match="hits of numbers"):
         estimate_frf(bad, keep=[0])
+
+
+def test_a_channel_that_never_changes_is_left_out_and_named() -> None:
+    record = tap()
+    values = record.values.copy()
+    values[:, 2] = 1e-3
+    found = estimate_frf(replace(record, values=values), decay_rate=2.0)
+    assert found.frfs.outputs == ("tip.x", "tip.z")
+    assert any("displacement:tip.y never changes" in remark for remark in found.remarks)
+    silent = TimeSeries(
+        np.hstack([0 * record.values[:, :1], record.values]), 2048.0, (Channel("tip.y", "force", "N"), *record.channels)
+    )
+    assert estimate_frf(silent, decay_rate=2.0).frfs.inputs == ("tip.x",)
+    values[:, 0] = 0.0
+    with pytest.raises(SignalError, match="no force among"):
+        estimate_frf(replace(record, values=values))
+
+
+def test_a_window_shorter_than_the_pretrigger_still_holds_its_hit() -> None:
+    found = estimate_frf(tap(), window_s=0.04, decay_rate=0.0)
+    # the impulse of a half sine, 2 F T / π; at 25 Hz a little less
+    assert found.force_spectrum[0, 0] == pytest.approx((2 * 200 * 0.008 / np.pi) ** 2, rel=0.15)
+
+
+def test_a_hit_with_little_room_does_not_shorten_all_windows() -> None:
+    late = tap(starts_s=[0.2, 3.95], peaks_n=[200.0, 200.0])
+    found = estimate_frf([tap(), late, tap()])
+    assert found.window_s > 3.5
+    assert any(hit.reason.startswith("only 0.0") for hit in found.hits) or not found.hits[-2].used
+
+
+def test_a_sine_is_no_excitation_of_a_band() -> None:
+    record = shaken()
+    values = record.values.copy()
+    values[:, 0] = np.sin(2 * np.pi * 20 * record.time_s)
+    with pytest.raises(SignalError, match="excites 20 Hz only"):
+        estimate_frf(replace(record, values=values), excitation="random", resolution_hz=0.5)
+
+
+@pytest.mark.parametrize("options", [{"decay_rate": 2.0}, {"keep": [0]}])
+def test_what_belongs_to_hits_is_refused_beside_a_shaker(options: dict) -> None:
+    with pytest.raises(SignalError, match="hits of a hammer"):
+        estimate_frf(shaken(), excitation="random", **options)
+
+
+@pytest.mark.parametrize("factor", [1e-160, 1e150])
+def test_the_unit_of_a_force_does_not_matter(factor: float) -> None:
+    record = tap()
+    one = estimate_frf(record, decay_rate=2.0, max_hz=40).frfs.values
+    other = estimate_frf(
+        replace(record, values=record.values * [factor, 1, 1, 1]), decay_rate=2.0, max_hz=40
+    ).frfs.values
+    assert relative(other * factor, one) < 1e-9

@@ -22,8 +22,8 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 class Frf:
     """A matrix of frequency responses over one set of frequency lines; immutable.
 
-    Arrays are copied in C order and made read-only, unless they are so already. Two instances are equal only if they are
-    the same object.
+    Arrays are copied in C order and made read-only, unless they are so already. Two instances are equal only if they
+    are the same object.
 
     Args:
         freq_hz: (L,) frequencies in Hz, finite, not negative, strictly increasing.

@@ -41,7 +41,11 @@ def frf_estimate(forces: Complex, responses: Complex, estimator: Estimator = "H1
     count, lines, inputs = forces.shape
     if count < inputs:
         raise SignalError("records", found=f"{count} averages", expected=f"at least {inputs}, as there are forces")
-    F, Y = forces.transpose(1, 2, 0), responses.transpose(1, 2, 0)
+    # Of whatever unit, so that no power overflows or vanishes.
+    unit_f, unit_y = (np.abs(side).max(axis=(0, 1)) for side in (forces, responses))
+    unit_f, unit_y = (np.where(unit > 0, unit, 1.0) for unit in (unit_f, unit_y))
+    F, Y = (forces / unit_f).transpose(1, 2, 0), (responses / unit_y).transpose(1, 2, 0)
+    scale = unit_y[:, None] / unit_f
     Gff = F @ F.conj().swapaxes(1, 2) / count
     Gyf = Y @ F.conj().swapaxes(1, 2) / count
     Gyy = (Y.real**2 + Y.imag**2).mean(axis=2)
@@ -52,17 +56,19 @@ def frf_estimate(forces: Complex, responses: Complex, estimator: Estimator = "H1
             raise SignalError(
                 "records", found="forces that are one and the same", expected="forces that are not fully correlated"
             )
+    still = np.einsum("lii->li", Gff).real.min(axis=1) <= 0
+    Gff[still] += np.eye(inputs)  # a line without force has no response to it: zero
     H1 = np.linalg.solve(Gff.swapaxes(1, 2), Gyf.swapaxes(1, 2)).swapaxes(1, 2)
     explained = np.einsum("loi,loi->lo", H1, Gyf.conj()).real
     coherence = np.clip(np.divide(explained, Gyy, out=np.zeros_like(Gyy), where=Gyy > 0), 0.0, 1.0)
     if estimator == "H1":
-        return np.asarray(H1), coherence
+        return np.asarray(H1 * scale), coherence
     if estimator == "H2":
         if inputs > 1:
             raise SignalError("estimator", found="H2 with several forces", expected="H1 or Hv")
         below = Gyf[:, :, 0].conj()
         H2 = np.divide(Gyy, below, out=np.zeros_like(below), where=np.abs(below) > 0)
-        return np.asarray(H2[:, :, None]), coherence
+        return np.asarray(H2[:, :, None] * scale), coherence
     outputs = Y.shape[1]
     H = np.empty((lines, outputs, inputs), np.complex128)
     root_f = np.sqrt(power)
@@ -77,4 +83,5 @@ def frf_estimate(forces: Complex, responses: Complex, estimator: Estimator = "H1
         v = vectors[:, :, 0].conj()  # vᴴ z = 0 with z of forces and response, the smallest direction
         last = np.where(np.abs(v[:, inputs]) > 0, v[:, inputs], np.finfo(float).tiny)
         H[:, o] = -v[:, :inputs] / last[:, None] * root_y[:, None] / root_f
-    return H, coherence
+        H[still | (Gyy[:, o] <= 0), o] = 0.0
+    return H * scale, coherence
