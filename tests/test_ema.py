@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -83,11 +85,13 @@ def test_the_result_compares_with_other_modes_over_its_channels() -> None:
 
 
 def test_what_makes_no_analysis_is_refused() -> None:
-    frfs = KUKA.frfs(LINES_HZ[:10])
+    frfs = KUKA.frfs(LINES_HZ[:20])
     with pytest.raises(SignalError, match="one of plscf, lsce"):
         ema(frfs, method="fft")  # type: ignore[arg-type]
     with pytest.raises(SignalError, match="at most"):
         ema(frfs, orders=(2, 60))
+    with pytest.raises(FrfError, match="at least 16"):
+        ema(KUKA.frfs(LINES_HZ[:10]))
     with pytest.raises(FrfError, match="band"):
         ema(frfs, band_hz=(50, 60))
     with pytest.raises(FrfError, match="an FrfSet, an Frf or an FrfEstimate"):
@@ -95,3 +99,26 @@ def test_what_makes_no_analysis_is_refused() -> None:
     uneven = np.sort(np.random.default_rng(0).uniform(1, 30, 400))
     with pytest.raises(FrfError, match="even"):
         ema(KUKA.frfs(uneven), method="lsce")
+
+
+def test_responses_without_noise_that_were_synthesized_are_identified_again() -> None:
+    clean = ema(KUKA.frfs(LINES_HZ, noise=0.01)).synthesized(symmetric="average")
+    np.testing.assert_allclose(ema(clean).natural_freq_hz, np.abs(KUKA.poles) / (2 * np.pi), rtol=1e-3)
+
+
+def test_a_response_without_any_coherence_is_left_out_and_named() -> None:
+    frfs = KUKA.frfs(LINES_HZ, noise=0.01)
+    coherence = np.array(frfs.coherence)
+    coherence[:, 0, 2] = 0.0
+    found = ema(replace(frfs, coherence=coherence))
+    assert not found.synthesized().measured[0, 2]
+    assert any("tip.x to tip.z" in remark for remark in found.remarks)
+    with pytest.raises(FrfError, match="zero everywhere"):
+        ema(replace(frfs, coherence=0 * coherence))
+
+
+def test_places_are_names_and_no_patterns() -> None:
+    values = np.arange(1, 5).reshape(1, 2, 2) * np.ones((2, 1, 1), complex)
+    odd = FrfSet([1.0, 2.0], values, "accelerance", ("1.x", "[1].x"), ("1.x", "[1].x"))
+    assert odd.matrix("[1]")[0].values[0, 0, 0] == 4
+    assert odd.matrix("1")[0].values[0, 0, 0] == 1

@@ -56,3 +56,14 @@ def test_the_update_on_synthesized_responses_agrees_with_the_truth(
     for mode in range(4):
         assert abs(pairs[mode].freq_difference) < 0.01
         assert abs(pairs[mode].damping_difference) < 0.15 * taps.modes.damping_ratio[mode]
+
+
+def test_a_hammer_that_is_held_askew_does_not_make_wrong_springs_certain() -> None:
+    robot = am.load(ROBOT)
+    taps = am.tap_test(robot, "milling", hits=3)  # linear joints, directions known to 0.02 rad
+    made = am.synthesized_matrix(am.ema(am.estimate_frf(taps.records)), "sensor")
+    fit = am.update(robot, am.Measurement(made.frf, "milling", coherence=made.coherence, raw=made.raw))
+    true = robot.parameters("links.*.elasticity.*.stiffness")
+    for p in fit.parameters:
+        if p.path in true and p.verdict == "identified":
+            assert p.value == pytest.approx(true[p.path], rel=0.25), p.path  # what the verdict promises

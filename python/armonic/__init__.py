@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from armonic.identification.poles import ModelPoles
     from armonic.identification.selection import RejectedMode, SelectedMode
     from armonic.identification.stabilization import Criteria, Stabilization, stabilize
+    from armonic.identification.synthesized import Synthesized, synthesized_matrix
     from armonic.identification_report import write_identification_report
     from armonic.linear import LinearModel, linearize
     from armonic.map_report import write_map_report
@@ -171,6 +172,7 @@ __all__ = [
     "Step",
     "SurveyError",
     "Sweep",
+    "Synthesized",
     "TapTest",
     "TimeSeries",
     "UpdateError",
@@ -213,6 +215,7 @@ __all__ = [
     "simulate",
     "stabilize",
     "survey",
+    "synthesized_matrix",
     "tap_test",
     "update",
     "write_csv",
@@ -255,6 +258,7 @@ _HOME = {
     "identification.oma": ("OmaResult", "oma"),
     "identification.poles": ("ModelPoles",),
     "identification.selection": ("RejectedMode", "SelectedMode"),
+    "identification.synthesized": ("Synthesized", "synthesized_matrix"),
     "identification.stabilization": ("Criteria", "Stabilization", "stabilize"),
     "identification.clustering": ("select_modes",),
     "identification_report": ("write_identification_report",),

@@ -166,6 +166,12 @@ class FrfSet:
         return tuple(dict.fromkeys(split_label(label)[0] for label in (*self.outputs, *self.inputs)))
 
     @property
+    def driven(self) -> tuple[str, ...]:
+        """Names of the places with both responses and forces."""
+        ends = [{split_label(label)[0] for label in side} for side in (self.outputs, self.inputs)]
+        return tuple(place for place in self.places if place in ends[0] & ends[1])
+
+    @property
     def s(self) -> Complex:
         """Where the lines lie in the plane of Laplace, (L,), rad/s: iω, or beside it with an exponential window."""
         return np.asarray(2j * np.pi * self.freq_hz + self.decay_rate, np.complex128)
@@ -217,7 +223,9 @@ class FrfSet:
         Raises:
             FrfError: a pattern meets none.
         """
-        rows, columns = _matching("outputs", outputs, self.outputs), _matching("inputs", inputs, self.inputs)
+        return self._part(_matching("outputs", outputs, self.outputs), _matching("inputs", inputs, self.inputs))
+
+    def _part(self, rows: list[int], columns: list[int]) -> FrfSet:
         pair = np.ix_(rows, columns)
         return replace(
             self,
@@ -240,9 +248,7 @@ class FrfSet:
             FrfError: there is no such place, none or several to choose from, a pair was not measured, or the lines lie
                 beside the imaginary axis.
         """
-        both = [
-            p for p in self.places if all(any(split_label(x)[0] == p for x in s) for s in (self.outputs, self.inputs))
-        ]
+        both = self.driven
         if place is None and len(both) != 1:
             found = f"responses and forces together at {', '.join(both) or 'no place'}"
             raise FrfError("place", found=found, expected="one place", hint="Name one.")
@@ -256,7 +262,12 @@ class FrfSet:
                 expected="lines on the imaginary axis",
                 hint="Identify modes and synthesize: they come out without the window.",
             )
-        part = self.select(outputs=f"{place}.*", inputs=f"{place}.*")
+        part = self._part(
+            *(
+                [k for k, label in enumerate(side) if split_label(label)[0] == place]
+                for side in (self.outputs, self.inputs)
+            )
+        )
         order = ["x", "y", "z", "rx", "ry", "rz"]
         rows, columns = (
             sorted(range(len(labels)), key=lambda k: order.index(a) if (a := split_label(labels[k])[1]) in order else 9)
@@ -279,11 +290,9 @@ def _matching(where: str, wanted: str | Sequence[str] | None, present: tuple[str
     patterns = (wanted,) if isinstance(wanted, str) else tuple(wanted)
     found: set[int] = set()
     for pattern in patterns:
-        hits = {
-            k
-            for k, label in enumerate(present)
-            if label == pattern or split_label(label)[0] == pattern or fnmatchcase(label, pattern)
-        }
+        # A name is itself before it is a pattern: places may have brackets.
+        hits = {k for k, label in enumerate(present) if pattern in (label, split_label(label)[0])}
+        hits = hits or {k for k, label in enumerate(present) if fnmatchcase(label, pattern)}
         if not hits:
             raise FrfError(where, found=repr(pattern), expected=f"some of {', '.join(present)}")
         found |= hits

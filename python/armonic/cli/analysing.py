@@ -16,7 +16,12 @@ from armonic.cli.campaign import (
     Estimating,
     EstimatorOption,
     ExcitationOption,
+    FileReading,
+    InputsOption,
     KeepOption,
+    KindOption,
+    OutputsOption,
+    RateOption,
     ResolutionOption,
     responses,
 )
@@ -58,6 +63,10 @@ def ema(
     force: ForceFlag = False,
     as_json: JsonFlag = False,
     channels: ChannelsOption = None,
+    kind: KindOption = None,
+    outputs: OutputsOption = None,
+    inputs: InputsOption = None,
+    rate: RateOption = None,
     estimator: EstimatorOption = "H1",
     excitation: ExcitationOption = "auto",
     resolution: ResolutionOption = None,
@@ -121,9 +130,12 @@ def ema(
         "real": real,
     }
     side = arguments.choice("--symmetrize", symmetrize, SIDES)
-    outputs = {"-o": output, "--frfs": responses_file, "--synthesized": synthesized, "--report": report}
-    _check_outputs(outputs, files, force=force)
-    found = responses(files, channels, Estimating(estimator, excitation, resolution, decay, keep))
+    written = {"-o": output, "--frfs": responses_file, "--synthesized": synthesized, "--report": report}
+    _check_outputs(written, files, force=force)
+    reading = FileReading(channels, kind, outputs, inputs, rate)
+    found = responses(files, reading, Estimating(estimator, excitation, resolution, decay, keep))
+    if synthesized is not None and synthesized.suffix.lower() == ".csv":
+        found.frfs.matrix(as_measured=True)  # refused now what has no place in that format later
     notes = dict(found.frfs.notes) or dict(found.file.records[0].notes if found.file.records else {})
     model, where, reference = beside(notes, robot, posture)
     from armonic.identification.ema import ema as compute

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -27,6 +27,34 @@ ChannelsOption = Annotated[
         metavar="FILE",
         help="What the file's channels are: a map from names or nodes to robot frames and axes, .yaml or .csv.",
         rich_help_panel="What is read",
+    ),
+]
+KindOption = Annotated[
+    str | None,
+    typer.Option(
+        "--kind",
+        metavar="KIND",
+        help="Of a file that does not say: receptance, mobility or accelerance.",
+        rich_help_panel="What is read",
+    ),
+]
+OutputsOption = Annotated[
+    str | None,
+    typer.Option(
+        "--outputs",
+        metavar="PLACE.AXIS,...",
+        help="Names of the responses of a matrix that has none: sensor.x,sensor.y.",
+        rich_help_panel="What is read",
+    ),
+]
+InputsOption = Annotated[
+    str | None,
+    typer.Option("--inputs", metavar="PLACE.AXIS,...", help="Names of its forces.", rich_help_panel="What is read"),
+]
+RateOption = Annotated[
+    str | None,
+    typer.Option(
+        "--rate", metavar="FREQ", help="Sampling rate of records that do not say: 1kHz.", rich_help_panel="What is read"
     ),
 ]
 EstimatorOption = Annotated[
@@ -78,6 +106,33 @@ KeepOption = Annotated[
 
 
 @dataclass(frozen=True)
+class FileReading:
+    """How measured files are read where they do not say it themselves; None leaves it to them."""
+
+    channels: Path | None = None
+    kind: str | None = None
+    outputs: str | None = None
+    inputs: str | None = None
+    rate: str | None = None
+
+    def options(self) -> dict[str, Any]:
+        """Arguments of `read_measured`.
+
+        Raises:
+            UsageError: a word or number makes no sense.
+        """
+        found: dict[str, Any] = {"channels": self.channels}
+        if self.kind is not None:
+            found["kind"] = choice("--kind", self.kind, ("receptance", "mobility", "accelerance"))
+        for name in ("outputs", "inputs"):
+            if (text := getattr(self, name)) is not None:
+                found[name] = [word.strip() for word in text.split(",")]
+        if self.rate is not None:
+            found["sample_rate_hz"] = amount("--rate", self.rate, "frequency")
+        return found
+
+
+@dataclass(frozen=True)
 class Estimating:
     """How time records become frequency responses, as typed."""
 
@@ -121,7 +176,7 @@ class Responses:
     file: MeasuredFile
 
 
-def responses(paths: Sequence[Path], channels: Path | None, estimating: Estimating) -> Responses:
+def responses(paths: Sequence[Path], reading: FileReading, estimating: Estimating) -> Responses:
     """The frequency responses of measured files, estimated from time records where they hold no others.
 
     Raises:
@@ -129,18 +184,17 @@ def responses(paths: Sequence[Path], channels: Path | None, estimating: Estimati
         DataFileError: a file cannot be read, or holds neither.
         SignalError: the records make no frequency responses.
     """
-    from armonic.files.measured_files import read_measured
-
     options = estimating.options()
-    with stages_progress("Reading") as say:
-        moved: Callable[[float], object] | None = None if say is None else lambda share: say(f"{share:.0%}")
-        file = read_measured(list(paths), channels=channels, progress=moved)
-    if file.frfs is not None:
+    file = _read(paths, reading)
+    if (frfs := file.frfs) is not None:
         typed = [name for name, value in vars(estimating).items() if value != getattr(Estimating(), name)]
         if typed:
             found = f"it with {file.path}, which holds frequency responses"
             raise UsageError(f"--{typed[0]}", found=found, expected="time records")
-        return Responses(file.frfs, None, file)
+        if file.records:
+            told = f"Time records beside frequency responses are not used: {len(file.records)}."
+            file = replace(file, remarks=(*file.remarks, told))
+        return Responses(frfs, None, file)
     if not file.records:
         left = "; ".join(map(str, file.skipped[:3]))
         found = f"neither frequency responses nor time records{f' ({left})' if left else ''}"
@@ -150,19 +204,45 @@ def responses(paths: Sequence[Path], channels: Path | None, estimating: Estimati
     try:
         estimate = estimate_frf(file.records, **options)
     except (SignalError, FrfError) as error:
-        raise _named(error, estimating.keep) from error
+        raise _named(error, estimating, file.remarks if reading.channels else ()) from error
     return Responses(estimate.frfs, estimate, file)
 
 
-_OPTIONS = {"resolution_hz": "--resolution", "window_s": "--resolution", "decay_rate": "--decay"}
+def _read(paths: Sequence[Path], reading: FileReading) -> MeasuredFile:
+    from armonic.files.measured_files import read_measured
+
+    places = [path.resolve() for path in paths]
+    if twice := [path for path, place in zip(paths, places, strict=True) if places.count(place) > 1]:
+        raise UsageError("FILE...", found=f"{twice[0]} twice", expected="every file once")
+    with stages_progress("Reading") as say:
+        moved: Callable[[float], object] | None = None if say is None else lambda share: say(f"{share:.0%}")
+        try:
+            return read_measured(list(paths), progress=moved, **reading.options())
+        except DataFileError as error:
+            if error.where == "options":
+                option = f"--{error.found.removesuffix('=').replace('sample_rate_hz', 'rate')}"
+                expected = "formats whose files do not say it"
+                raise UsageError(option, found=f"it with {paths[0].name}", expected=expected) from error
+            said = [error.expected, error.hint or ""]
+            for name in ("sample_rate_hz", "outputs", "inputs", "kind"):
+                option = f"--{name.replace('sample_rate_hz', 'rate')}"
+                said = [text.replace(f"{name}=", option) for text in said]
+            raise DataFileError(error.where, found=error.found, expected=said[0], hint=said[1] or None) from error
 
 
-def _named(error: ArmonicError, keep: str | None) -> ArmonicError:
-    """The error, with the name of the option that was typed."""
-    if error.where == "keep":  # there counted from 0
-        return UsageError("--keep", found=repr(keep), expected="numbers of usable hits, counted from 1")
-    hint = None if error.hint is None else error.hint.replace("keep=", "--keep").replace("excitation=", "--excitation")
+_OPTIONS = {"resolution_hz": "--resolution", "decay_rate": "--decay"}
+
+
+def _named(error: ArmonicError, typed: Estimating, remarks: Sequence[str]) -> ArmonicError:
+    """The error, with the name of the option that was typed, and with what a map did not meet."""
+    if error.where == "keep" and typed.keep is not None:  # there counted from 0
+        expected = error.expected if "hits of a hammer" in error.expected else "numbers of usable hits, counted from 1"
+        return UsageError("--keep", found=repr(typed.keep), expected=expected)
+    said = error.hint or ""
+    hint = " ".join([said.replace("keep=", "--keep").replace("excitation=", "--excitation"), *remarks]).strip() or None
     where = _OPTIONS.get(error.where)
+    if error.where == "window_s" and typed.resolution is not None:
+        where = "--resolution"
     if where is None:
         return type(error)(error.where, found=error.found, expected=error.expected, hint=hint)
     return UsageError(where, found=error.found, expected=error.expected, hint=hint)

@@ -137,8 +137,11 @@ def ema_tables(result: EmaResult, found: Responses, comparison: Comparison | Non
         used = sum(hit.used for hit in hits)
         yield f"{count(used, 'hit')} of {len(hits)} used, by {found.estimate.estimator}"
         for number, hit in enumerate(hits, 1):
-            if not hit.used:
+            if not hit.used and hit.reason != "left out":
                 yield f"  hit {number} (record {hit.record + 1}, {hit.start_s:.3g} s, {hit.force}): {hit.reason}"
+    if found.estimate is not None and not found.estimate.hits:
+        made = found.estimate
+        yield f"{made.excitation} force, blocks of {made.window_s:.4g} s, by {made.estimator}"
     span = f"{format_si(frfs.freq_hz[0], digits=3)} to {format_si(frfs.freq_hz[-1], digits=3)} Hz"
     yield (
         f"{count(int(frfs.measured.sum()), 'response')} of {count(frfs.freq_hz.size, 'line')}, {span};"
@@ -155,16 +158,18 @@ def ema_tables(result: EmaResult, found: Responses, comparison: Comparison | Non
         yield "Beside the modes of the model:"
         yield _beside_table(comparison)
     if result.modes:
-        yield "± is the standard deviation that noise and misfit leave; what changes with amplitude is not in it."
+        yield "± is what noise leaves; what filters, a hammer held askew or amplitude shift is not in it."
     yield ""
     worst = np.nanmin(result.frac) if np.isfinite(result.frac).any() else np.nan
     if result.modes:
-        yield f"The synthesized responses are as the measured ones with a FRAC of {worst:.3f} or better."
+        i, j = np.unravel_index(np.nanargmin(result.frac), result.frac.shape) if np.isfinite(worst) else (0, 0)
+        least = f"{result.frfs.outputs[i]} to {result.frfs.inputs[j]}"
+        yield f"FRAC of synthesized and measured responses: {worst:.3f} at least ({least})."
     if result.rejected:
         yield f"{count(len(result.rejected), 'group')} of poles rejected; --report says why."
-    told = (*found.file.remarks, *(found.estimate.remarks if found.estimate else ()), *result.remarks)
-    for text in told:
-        yield f"- {text[:1].upper()}{text[1:].rstrip('.')}."
+    told = (*found.file.remarks, *(found.estimate.remarks if found.estimate else ()))
+    for text in (*told, *(f"{text[:1].upper()}{text[1:].rstrip('.')}." for text in result.remarks)):
+        yield f"- {text}"
     for left in found.file.skipped[:5]:
         yield warning(f"not read: {left}")
     if len(found.file.skipped) > 5:

@@ -173,7 +173,7 @@ class Reading:
             option = f"--{typed[0].replace('_', '-')}"
             hint = "Say with --channels what the file's channels are."
             raise UsageError(option, found=f"it with {path.name}", expected="a file of responses alone", hint=hint)
-        from armonic.cli.synthesizing import measured_matrix, synthesized_matrix
+        from armonic.cli.synthesizing import matrix_of_modes, measured_matrix
 
         band = None if self.band is None else arguments.band(self.band)
         sides: tuple[Side, ...] = ("average", "upper", "lower")
@@ -181,7 +181,7 @@ class Reading:
             None if self.symmetrize is None else arguments.choice("--symmetrize", self.symmetrize, sides)
         )
         if self.synthesize:
-            return synthesized_matrix(path, self.channels, band=band, place=place, side=side or "average")
+            return matrix_of_modes(path, self.channels, band=band, place=place, side=side or "average")
         frf, coherence = measured_matrix(path, self.channels, band=band, place=place)
         return (frf, coherence, None) if side is None else (frf.symmetrized(side), None, None)
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from armonic.cli.campaign import Estimating, Responses, responses
+from armonic.cli.arguments import UsageError
+from armonic.cli.campaign import Estimating, FileReading, Responses, responses
 from armonic.cli.terminal import remark, stages_progress
 from armonic.errors import SignalError
 
 if TYPE_CHECKING:
     from armonic.identification.ema import EmaResult
+    from armonic.identification.synthesized import Synthesized
     from armonic.response import Frf
 
 LEAST_FRAC = 0.8
@@ -27,19 +27,19 @@ def measured_matrix(
     Raises:
         ArmonicError: the file, or what it holds, makes none.
     """
-    found = responses([path], channels, Estimating())
+    found = responses([path], FileReading(channels), Estimating())
     _tell(found)
     frfs = found.frfs if band is None else found.frfs.band(*band)
     return frfs.matrix(_place(found, place))
 
 
-def synthesized_matrix(
+def matrix_of_modes(
     path: Path, channels: Path | None, *, band: tuple[float, float] | None, place: str | None, side: Any
-) -> tuple[Frf, Any, Frf]:
+) -> Synthesized:
     """The matrix synthesized from the modes of a measured file, made reciprocal, its coherence, and the one measured.
 
-    The route of Huynh et al. 2021, section 5.3: measured, identified, synthesized, symmetrized, then fitted. The
-    coherence is that of the measurement, of two cross responses the lower: a synthesized value is no better known.
+    The route of Huynh et al. 2021, section 5.3: measured, identified, synthesized, symmetrized, then fitted; see
+    `armonic.synthesized_matrix`.
 
     Args:
         path: time records or frequency responses.
@@ -52,8 +52,9 @@ def synthesized_matrix(
         ArmonicError: the file makes no responses, or they hold no mode.
     """
     from armonic.identification.ema import ema
+    from armonic.identification.synthesized import synthesized_matrix
 
-    found = responses([path], channels, Estimating())
+    found = responses([path], FileReading(channels), Estimating())
     _tell(found)
     at = _place(found, place)
     with stages_progress("Identifying") as progress:
@@ -66,16 +67,17 @@ def synthesized_matrix(
             hint="Look at it with `armonic ema`, and fit the responses as they are, without --synthesize.",
         )
     _tell_modes(path, result)
-    frf, _ = result.synthesized(symmetric=side).matrix(at)
-    raw, coherence = result.frfs.matrix(at, as_measured=True)
-    if coherence is not None and frf.outputs == frf.inputs:
-        coherence = np.minimum(coherence, coherence.swapaxes(1, 2))
-    return frf, coherence, raw
+    return synthesized_matrix(result, at, symmetric=side)
 
 
 def _place(found: Responses, typed: str | None) -> str | None:
     """The place that was typed, if the file knows it; a file of nodes alone has its own names."""
-    return typed if typed in found.frfs.places else None
+    if typed in found.frfs.places:
+        return typed
+    both = found.frfs.driven
+    if len(both) > 1:
+        raise UsageError("--frame", found=f"responses and forces at {', '.join(both)}", expected="one of them")
+    return None
 
 
 def _tell(found: Responses) -> None:

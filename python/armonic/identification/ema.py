@@ -50,6 +50,11 @@ LEAST_ENERGY = 1e-10
 """No measurement shows a mode of a smaller share of the energy."""
 SATELLITE = 0.3
 """A pole beside a mode that has less of the energy than this share of it is a satellite."""
+FELL_TOGETHER = "refined, it falls together with another mode"
+LEAST_LINES = 16
+"""Fewer say nothing of modes."""
+LINES_PER_WIDTH = 4
+"""Lines within its half-power bandwidth that a mode should have where blocks of a lasting motion were cut out."""
 SAME = 1e-3
 """Two poles closer than this share after refinement are one mode found twice."""
 
@@ -186,7 +191,7 @@ def ema(
         raise SignalError("method", found=repr(method), expected=f"one of {', '.join(get_args(Method))}")
     given = as_set(frfs)
     band = checked_band(band_hz)
-    used = _usable(given if band is None else given.band(*band))
+    used, doubts = _usable(given if band is None else given.band(*band))
     asked = _default_orders(used) if orders is None else orders
     listed = checked_orders(asked)
     say(f"poles of orders {listed[0]} to {listed[-1]}")
@@ -216,7 +221,7 @@ def ema(
         refinement=refinement,
         scaling=scaling,
         frac=_frac(used, model),
-        remarks=tuple(remarks),
+        remarks=(*doubts, *remarks, *_leakage(frfs, model)),
         seconds=time.perf_counter() - began,
     )
 
@@ -235,18 +240,48 @@ def as_set(given: Any) -> FrfSet:
     return inner
 
 
-def _usable(frfs: FrfSet) -> FrfSet:
-    """Without a line at 0 Hz, where no kind of motion but a displacement is left."""
-    if frfs.freq_hz[0] > 0:
-        return frfs
-    if len(frfs.freq_hz) < 2:
-        raise FrfError("FrfSet.freq_hz", found="one line, at 0 Hz", expected="lines above 0 Hz")
-    return frfs.lines(np.arange(1, len(frfs.freq_hz)))
+def _usable(frfs: FrfSet) -> tuple[FrfSet, list[str]]:
+    """Without a line at 0 Hz, where no kind of motion but a displacement is left, and without pairs of no coherence.
+
+    Raises:
+        FrfError: fewer than 16 lines, or no coherence anywhere.
+    """
+    frfs = frfs if frfs.freq_hz[0] > 0 else frfs.lines(np.arange(1, len(frfs.freq_hz)))
+    lines = len(frfs.freq_hz)
+    if lines < LEAST_LINES:
+        raise FrfError("FrfSet.freq_hz", found=f"{lines} lines above 0 Hz", expected=f"at least {LEAST_LINES}")
+    if frfs.coherence is None:
+        return frfs, []
+    lost = frfs.measured & ~frfs.coherence.any(axis=0)
+    if not lost.any():
+        return frfs, []
+    if not (frfs.measured & ~lost).any():
+        raise FrfError("FrfSet.coherence", found="zero everywhere", expected="responses that are due to the force")
+    named = ", ".join(f"{frfs.outputs[i]} to {frfs.inputs[j]}" for i, j in np.argwhere(lost))
+    return replace(frfs, measured=frfs.measured & ~lost), [f"left out, for its coherence is zero: {named}"]
+
+
+def _leakage(source: Any, model: ModalModel) -> list[str]:
+    """Modes that blocks are too short for; a decay under an exponential window has no such limit."""
+    if getattr(source, "excitation", "hits") == "hits":
+        return []
+    step = 1 / source.window_s
+    narrow = [
+        f"{freq:.4g} Hz"
+        for freq, damping in zip(model.natural_freq_hz, model.damping_ratio, strict=True)
+        if 2 * damping * freq < LINES_PER_WIDTH * step
+    ]
+    if not narrow:
+        return []
+    wide = f"blocks of {source.window_s:.3g} s are too short for the damping at {', '.join(narrow)}"
+    return [f"{wide}: it comes out too high; take longer ones"]
 
 
 def _default_orders(frfs: FrfSet) -> tuple[int, int]:
-    """2 to 60, or what the lines are good for."""
-    return 2, max(4, min(MOST_ORDER, len(frfs.freq_hz) // 4))
+    """2 to 60, or what lines and responses are good for."""
+    references = min(len(frfs.outputs), len(frfs.inputs)) if frfs.complete else 1
+    lines = len(frfs.freq_hz)
+    return 2, max(4, min(MOST_ORDER, lines // 4, 2 * lines // (references + 2) - 1))
 
 
 def _poles(
@@ -270,15 +305,33 @@ def _fitted(frfs: FrfSet, modes: Sequence[SelectedMode], *, refine: bool, real: 
     poles = np.array([mode.pole for mode in kept], np.complex128)
     if not refine or not kept:
         return fit_residues(frfs, poles, real=real), None, kept, dropped, []
-    found = refined(frfs, poles, real=real)
-    while (refuted := _refuted(found, np.array([mode.pole for mode in kept]), frfs)) is not None:
-        index, reason = refuted
+    background: NDArray[np.complex128] | Literal["auto"] = "auto"
+    while True:
+        try:
+            found = refined(frfs, poles, background=background, real=real)
+        except SignalError as error:
+            if "twice" not in error.found or len(kept) < 2:
+                raise
+            index, reason = _twin(kept), FELL_TOGETHER
+        else:
+            refuted = _refuted(found, np.array([mode.pole for mode in kept]), frfs)
+            if refuted is None:
+                break
+            index, reason = refuted
+            poles, background = found.model.poles, found.model.background_poles
+        poles = np.delete(poles, index)
         dropped.append(rejected_for(kept.pop(index), reason))
         if not kept:
-            return fit_residues(frfs, poles[:0], real=real), None, kept, dropped, []
-        model = found.model
-        found = refined(frfs, np.delete(model.poles, index), background=model.background_poles, real=real)
+            return fit_residues(frfs, poles, real=real), None, kept, dropped, []
     return found.model, found, _with_poles(kept, found), dropped, list(found.remarks)
+
+
+def _twin(modes: Sequence[SelectedMode]) -> int:
+    """Of the two modes that lie closest together the one that fewer orders hold."""
+    poles = np.array([mode.pole for mode in modes])
+    apart = np.abs(poles[:, None] / poles - 1) + np.diag(np.full(len(poles), np.inf))
+    pair = np.unravel_index(np.argmin(apart), apart.shape)
+    return int(min(pair, key=lambda k: modes[int(k)].orders))
 
 
 def _refuted(found: Refinement, start: NDArray[np.complex128], frfs: FrfSet) -> tuple[int, str] | None:
@@ -298,7 +351,7 @@ def _refuted(found: Refinement, start: NDArray[np.complex128], frfs: FrfSet) -> 
         near = np.abs(model.poles / pole - 1) < SAME * max(1.0, found.damping_std[k] / SAME)
         near[k] = False
         if near.any() and found.significance[k] <= found.significance[near].max():
-            return k, "refined, it falls together with another mode"
+            return k, FELL_TOGETHER
     freq, damping, share = model.natural_freq_hz, model.damping_ratio, found.energy_share
     for k in np.argsort(share):
         # Within its own half-power bandwidth of a stronger mode with less damping.

@@ -34,6 +34,11 @@ NOISELESS = 1e-6
 """Below this there is nothing but rounding."""
 
 
+def _rms(deviations: Array) -> float:
+    """Of one real part."""
+    return float(np.sqrt(np.mean(deviations**2) / 2))
+
+
 def doubts(
     measurements: Sequence[Measurement],
     models: Sequence[Frf],
@@ -52,22 +57,27 @@ def doubts(
         noise: standard deviation of one real part of the log residual.
         factors: of a robust loss, by which the squares of values that are far off count less; likewise.
     """
-    size, deviation = [], []
+    size, deviation, known = [], [], []
     trusts = factors or [np.ones_like(weight) for weight in weights]
     for m, model, weight, trust in zip(measurements, models, weights, trusts, strict=True):
         used = (weight > 0) & (model.values != 0)
         ratio = m.frf.values[used] / model.values[used]
         size.append(np.abs(m.frf.values[used]))
+        known.append(np.sqrt(m.precision()[used]) if m.coherence is not None else np.ones(int(used.sum())))
         deviation.append(np.sqrt(trust[used]) * np.abs(np.log(np.abs(ratio)) + 1j * np.angle(ratio)))
-    spread = np.concatenate(deviation)[np.argsort(np.concatenate(size))]
+    order = np.argsort(np.concatenate(size))
+    spread = np.concatenate(deviation)[order]
     third = max(len(spread) // 3, 1)
-    weak, strong = (float(np.sqrt(np.mean(part**2) / 2)) for part in (spread[:third], spread[-third:]))
+    strong = _rms(spread[-third:])
     if strong > MISFIT:
         return (
             f"The model does not explain these data: where they are strong they differ by about {100 * strong:.0f} %, "
             "and verdicts and intervals mean little. Check posture, frame, axes, kind and units of the measurement, "
             "and the start.",
         ), False
+    # Of values whose coherence is known deviations count in units of what it lets expect.
+    spread = spread * np.concatenate(known)[order]
+    weak, strong = _rms(spread[:third]), _rms(spread[-third:])
     if third < FEWEST or noise < NOISELESS or weak <= FLOOR_RATIO * strong:
         return (), True
     return (
