@@ -195,26 +195,35 @@ def _usable(given: Sequence[TimeSeries]) -> tuple[list[Usable], list[str]]:
     kept, remarks = [], []
     first: SignalError | None = None
     for k, record in enumerate(given):
-        still = [label for label, column in zip(record.labels, record.values.T, strict=True) if _is_still(column)]
-        alive = [label for label in record.labels if label not in still]
         try:
-            known = roles(record, k)
-            if still:
-                spoken = set(known.inputs_and_outputs(record)) & set(still)
-                for label in sorted(spoken):
-                    remarks.append(f"{label} never changes in record {k + 1}, or holds no numbers: it is left out.")
-                if not alive:
-                    raise SignalError(f"records[{k}]", found="channels that never change", expected="signals")
-                record = record.select(*alive)
-                known = roles(record, k)
+            alive, told = _alive(record, k)
+            kept.append(Usable(alive, k, roles(alive, k)))
+            remarks += told
         except SignalError as error:
             first = first or error
             remarks.append(f"Record {k + 1} is left out: {error.found}.")
-        else:
-            kept.append(Usable(record, k, known))
     if first is not None and not kept:
         raise first
     return kept, remarks
+
+
+def _alive(record: TimeSeries, number: int) -> tuple[TimeSeries, list[str]]:
+    """A record without forces and responses that never change, and their names in sentences.
+
+    Raises:
+        SignalError: it has no forces or no responses, or no such that change.
+    """
+    known = roles(record, number)
+    still = {k for k, column in enumerate(record.values.T) if _is_still(column)}
+    for columns in (known.forces, known.responses):
+        if still.issuperset(columns):
+            found = f"in {record.labels[columns[0]]} the same value throughout, or none that is a number"
+            raise SignalError(f"records[{number}]", found=found, expected="signals")
+    labels = [record.labels[k] for k in sorted(still & {*known.forces, *known.responses})]
+    if not labels:
+        return record, []
+    told = [f"{label} never changes in record {number + 1}, or holds no numbers: it is left out." for label in labels]
+    return record.select(*(label for label in record.labels if label not in labels)), told
 
 
 def _is_still(column: Array) -> bool:

@@ -62,10 +62,6 @@ class Roles:
     unlabelled: tuple[str, ...]
     ignored: tuple[str, ...]
 
-    def inputs_and_outputs(self, record: TimeSeries) -> tuple[str, ...]:
-        """Labels of the channels of forces and responses in the record."""
-        return tuple(record.labels[k] for k in (*self.forces, *self.responses))
-
 
 def as_records(given: TimeSeries | Sequence[TimeSeries]) -> tuple[TimeSeries, ...]:
     """One record or several as a tuple, all of the same rate.

@@ -52,6 +52,8 @@ HEADROOM = 2.0
 """A range reaches this far beyond the peak of a mean hit, unless it is given."""
 REHEARSED_PERIODS = 5
 """Of the slowest mode: within them everything has swung its farthest."""
+LONGEST_PULSE = 0.1
+"""Share of a record that a contact may last."""
 SOFTENING_MOST = 0.03
 """More, and a hard hit would push a cubic spring over its top."""
 
@@ -221,6 +223,7 @@ def tap_test(
     hammer = Hammer(force_n, spread, pulse_s, pulse_spread, tilt_rad, offset_m)
     refuse_unless("softening", softening, 0.0, most=SOFTENING_MOST)
     refuse_unless("record_s", record_s, 0.0, above=True)
+    refuse_unless("pulse_s", pulse_s, 0.0, above=True, most=LONGEST_PULSE * record_s)
     refuse_unless("pretrigger_s", pretrigger_s, 0.0, most=record_s / 2)
     refuse_unless_whole("seed", seed, 0)
     sorts = _sorts(len(hit), hits, double_hits, overloads, seed)
