@@ -43,12 +43,14 @@ lint: $(DEV)
 test-rust:
 	cargo test --workspace --quiet
 
+# Files of tests share the cores; threads of the BLAS beside them would only wait for each other.
+test-python: export OPENBLAS_NUM_THREADS = 1
 test-python: $(DEV)
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
 bench: $(DEV)
 	cargo bench -p armonic-core
-	for b in frf_against_numpy update_against_numpy startup survey_against_pinocchio survey_grid survey_cost; do \
+	for b in frf_against_numpy update_against_numpy lscf_against_sdypy startup survey_against_pinocchio survey_grid survey_cost; do \
 		$(BIN)/python benches/$$b.py || exit 1; done
 
 pictures: $(BUILT)
