@@ -244,6 +244,17 @@ def test_ctrl_c_before_anything_new_is_found_says_that_the_state_is_kept(
     assert files(tmp_path) == ["run.json"]
 
 
+def test_ctrl_c_while_measurements_are_read_says_that_nothing_was_written(
+    armonic: Armonic, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("armonic.cli.fitting.measurements", interrupt)
+    assert armonic(*UPDATE) == Run(130, "", "interrupted: nothing was written\n")
+    assert files(tmp_path) == []
+
+
 def test_a_checkpoint_of_another_problem_is_refused_and_kept(armonic: Armonic, tmp_path: Path) -> None:
     words = (*UPDATE, "--parameters", PATTERN, "--checkpoint", "run.json", "--force")
     assert armonic(*words).code == 0

@@ -13,16 +13,12 @@ from armonic.identification.complex_exponential import complex_exponential, expo
 from armonic.identification.impulse_responses import SKIPPED, impulse_responses
 from armonic.identification.polyreference import polyreference_lscf
 from armonic.identification.references import referenced
-from measured_systems import BATTERY, COMPLEX, KUKA, LINES_HZ
-from modal_starts import KINDS, WINDOW, measured, modes_of, nearest, same_poles, starts
+from measured_systems import COMPLEX, KUKA, LINES_HZ
+from modal_starts import measured, modes_of, nearest, same_poles, starts
 
 ORDERS = (1, 30)
 EXACT = 1e-8
-"""What the issue asks of exponentials without noise."""
-EXACT_FREQ, EXACT_DAMPING = 1e-7, 1e-5
-"""Noise-free responses: the ends of the band leave a little that is no exponential."""
-FREQ, DAMPING = 0.005, 0.1
-"""With 1 % noise: starts for a refinement, which takes 1 % of frequency and a factor of damping."""
+"""Relative error that poles of exponentials without noise may have."""
 
 
 def exponentials(poles, left, right, rate, count):
@@ -88,18 +84,6 @@ def test_impulse_responses_are_those_of_the_modes():
 
 
 # --- Frequency responses ------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("decay_rate", [0.0, WINDOW])
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("name", BATTERY)
-def test_noise_free_responses_of_any_kind_give_all_modes_and_no_other(name, kind, decay_rate):
-    frfs = measured(BATTERY[name], kind=kind, decay_rate=decay_rate)
-    found = starts(modes_of(complex_exponential(frfs, orders=ORDERS)), BATTERY[name])
-    assert found.complete
-    assert found.false == 0
-    assert found.freq_error < EXACT_FREQ
-    assert found.damping_error < EXACT_DAMPING
 
 
 @pytest.mark.parametrize("first", [0.0, 0.0075])

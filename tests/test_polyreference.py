@@ -12,10 +12,8 @@ from armonic.errors import FrfError, SignalError
 from armonic.frf_set import FrfSet
 from armonic.identification.matrix_fraction import LOWER_GAP, Circle
 from armonic.identification.polyreference import UPPER_GAP, polyreference_lscf
-from measured_systems import BATTERY, COMPLEX, KUKA, LINES_HZ
+from measured_systems import COMPLEX, KUKA, LINES_HZ
 from modal_starts import (
-    KINDS,
-    WINDOW,
     measured,
     modes_of,
     nearest,
@@ -24,27 +22,11 @@ from modal_starts import (
 )
 
 ORDERS = (1, 30)
-EXACT_FREQ, EXACT_DAMPING = 1e-5, 1e-4
-"""Noise-free: normal equations hold half of the digits, 1e-8, of modes that tower a hundred times above others less."""
-FREQ, DAMPING = 0.005, 0.1
-"""With 1 % noise: starts for a refinement, which takes 1 % of frequency and a factor of damping."""
 ROUNDING = 1e-5
 """Poles of an order that has them all to some 1e-11, times the condition of the noisy normal equations, about 1e5."""
 
 
 # --- Completeness -------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("decay_rate", [0.0, WINDOW])
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("name", BATTERY)
-def test_noise_free_responses_of_any_kind_give_all_modes_and_no_other(name, kind, decay_rate):
-    frfs = measured(BATTERY[name], kind=kind, decay_rate=decay_rate)
-    found = starts(modes_of(polyreference_lscf(frfs, orders=ORDERS)), BATTERY[name])
-    assert found.complete
-    assert found.false == 0
-    assert found.freq_error < EXACT_FREQ
-    assert found.damping_error < EXACT_DAMPING
 
 
 def test_nearly_all_poles_that_decay_are_modes():

@@ -290,25 +290,26 @@ def update(
     if report is not None:
         check_output("--report", report, force=force, sources=[*sources, *([output] if output else []), Path(robot)])
     the_robot = arguments.open_robot(robot)
-    measured, modal, labels = measurements(
-        the_robot,
-        frf_files,
-        reading,
-        posture or (),
-        frame or (),
-        stress,
-        coherence=coherence or (),
-        modes=modal_files,
-    )
-    the_robot, held = problem.hold(the_robot, hold or ())
-    options |= {"parameters": parameters, "bounds": limits, "hold": held, "ties": problem.ties(tie or ())}
-    options |= {"priors": problem.priors(the_robot, prior or ()), "laws": problem.laws(law or ())}
     again = "the same command" if force else "the same command with --force"
     try:
+        measured, modal, labels = measurements(
+            the_robot,
+            frf_files,
+            reading,
+            posture or (),
+            frame or (),
+            stress,
+            coherence=coherence or (),
+            modes=modal_files,
+        )
+        the_robot, held = problem.hold(the_robot, hold or ())
+        options |= {"parameters": parameters, "bounds": limits, "hold": held, "ties": problem.ties(tie or ())}
+        options |= {"priors": problem.priors(the_robot, prior or ()), "laws": problem.laws(law or ())}
         fit = run(the_robot, [*measured, *modal], **options)
     except KeyboardInterrupt:
-        if checkpoint is not None and checkpoint.exists():
-            remark(f"interrupted: nothing was written, but the same command goes on from {checkpoint}")
+        kept = checkpoint is not None and checkpoint.exists()
+        goes_on = f", but the same command goes on from {checkpoint}" if kept else ""
+        remark(f"interrupted: nothing was written{goes_on}")
         raise
     if len(labels) != len(fit.postures):  # postures typed apart, but equal to the digits that a fit tells apart
         labels = list(fit.postures)

@@ -236,7 +236,9 @@ def measurements(
     """
     from armonic.updating import Measurement
 
-    typed = [name for name, value in vars(reading).items() if value not in (None, False)] + ["frame"] * bool(frames)
+    typed = [name for name, value in vars(reading).items() if value is not None and value is not False] + [
+        "frame"
+    ] * bool(frames)
     if not files and typed:
         option = f"--{typed[0].replace('_', '-')}"
         raise UsageError(option, found="it without FRF files", expected="responses, which alone have it")
@@ -277,9 +279,10 @@ def measurements(
 
 def _is_read_as_set(path: Path) -> bool:
     """Whether a file is of a format that is read as a set, or a universal file of time records alone."""
-    suffix = path.suffix.lower()
-    if suffix not in (".uff", ".unv", ".uf58"):
-        return suffix in (".h5", ".hdf5")
+    from armonic.files.measured_files import FORMATS
+
+    if (kind := FORMATS.get(path.suffix.lower())) != "uff":
+        return kind == "hdf5"
     from armonic.files.measured_uff import function_types
     from armonic.files.uff_reader import FRF, TIME_RESPONSE
 
@@ -291,7 +294,9 @@ def _is_read_as_set(path: Path) -> bool:
 
 
 def _modes(path: Path, posture: Any) -> ModalMeasurement:
-    if path.suffix.lower() in (".uff", ".unv", ".uf58", ".h5", ".hdf5"):
+    from armonic.files.measured_files import FORMATS
+
+    if FORMATS.get(path.suffix.lower()) in ("uff", "hdf5"):
         return _modes_with_shapes(path, posture)
     from armonic.files.modal_table import read_modal_table
     from armonic.updating import ModalMeasurement

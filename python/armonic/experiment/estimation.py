@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 Excitation = Literal["auto", "hits", "random", "sweep"]
 PRETRIGGER_S = 0.05
+"""Of a window, before its hit: longer than any anti-alias filter rings ahead."""
 BELOW_DB = 20.0
 """A hammer that is weaker by so much than at low frequencies no longer excites."""
 ALIASING = 0.4
@@ -269,7 +270,7 @@ def _assembled(
     if excitation == "hits":
         low, top = freq_hz[1], max(_highest(freq_hz, force, rate), freq_hz[1])
     else:
-        low, top = excited(force[:, :], freq_hz, ALIASING * rate if max_hz is None else max_hz)
+        low, top = excited(force, freq_hz, ALIASING * rate if max_hz is None else max_hz)
         if low > 2 * freq_hz[1] or (max_hz is None and top < 0.9 * ALIASING * rate):
             remarks.append(f"The forces excite {low:.4g} to {top:.4g} Hz.")
     used = (freq_hz >= low) & (freq_hz <= (top if max_hz is None else max_hz))

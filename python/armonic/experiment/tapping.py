@@ -163,9 +163,9 @@ def decay_of(
             continue
         one = of_number[hit.record]
         columns = list(one.roles.responses)
-        values = one.record.values[:, columns] * one.roles.factors[columns]
-        rest = values[max(hit.first - round(BEFORE_S * rate), 0) : hit.first + 1].mean(axis=0)
-        values = values[hit.first : min(hit.first + samples, hit.stop)] - rest
+        begin = max(hit.first - round(BEFORE_S * rate), 0)
+        values = one.record.values[begin : min(hit.first + samples, hit.stop), columns] * one.roles.factors[columns]
+        values = values[hit.first - begin :] - values[: hit.first - begin + 1].mean(axis=0)
         part = max(len(values) // 20, 2)
         start, end = (np.sqrt((side**2).mean(axis=0)) for side in (values[:part], values[-part:]))
         k = int(np.argmax(start))
@@ -180,7 +180,15 @@ def decay_of(
 
 
 def tapped(
-    one: Usable, hit: Hit, samples: int, decay_rate: float, *, pretrigger_s: float, after: int, force_window: bool
+    one: Usable,
+    hit: Hit,
+    force: Array,
+    samples: int,
+    decay_rate: float,
+    *,
+    pretrigger_s: float,
+    after: int,
+    force_window: bool,
 ) -> Block:
     """Spectra of force and responses in the window of a hit.
 
@@ -190,6 +198,7 @@ def tapped(
     Args:
         one: the record.
         hit: in it.
+        force: of the whole record at rest around zero, (N,), in its unit; see `contacts.at_rest`.
         samples: of the window.
         decay_rate: a, 1/s.
         pretrigger_s: what of the window lies before the hit; less if the window is short or the hit before is near.
@@ -201,7 +210,7 @@ def tapped(
     before = min(round(pretrigger_s * rate), int(MOST_BEFORE * samples))
     start = max(hit.first - before, after, 0)
     stop = min(start + samples, hit.stop)
-    force = at_rest(record.values[:, column], rate)[0][start:stop] * known.factors[column]
+    force = force[start:stop] * known.factors[column]
     if force_window:
         reach = RINGING * (hit.last + 1 - hit.first)
         span = np.arange(start, stop)
@@ -230,14 +239,20 @@ def all_tapped(
     of_number = {one.number: one for one in records}
     found: list[Block] = []
     last: dict[int, int] = {}
+    forces: dict[tuple[int, str], Array] = {}
     for hit in hits:
         after = last.get(hit.record, 0)
         last[hit.record] = hit.last + 1
         if hit.used:
+            one, key = of_number[hit.record], (hit.record, hit.force)
+            if key not in forces:
+                column = one.roles.forces[one.roles.inputs.index(hit.force)]
+                forces[key], _ = at_rest(one.record.values[:, column], one.record.sample_rate_hz)
             found.append(
                 tapped(
-                    of_number[hit.record],
+                    one,
                     hit,
+                    forces[key],
                     samples,
                     decay_rate,
                     pretrigger_s=pretrigger_s,

@@ -331,25 +331,21 @@ def _coherence(
     if not functions:
         return None
     coherence, there = np.zeros((f.size, *measured.shape)), np.zeros(measured.shape, bool)
+    rows_, columns = ({label: k for k, label in enumerate(labels)} for labels in (outputs, inputs))
     for function in functions:
         try:
             output, force = reading.place(function, 0, "motion"), reading.place(function, 1, "force")
             if output is None or force is None:
                 continue
-            if output.label not in outputs or force.label not in inputs:
-                raise DataFileError(
-                    "pair", found=f"{output.label} to {force.label}", expected="a response that is read"
-                )
-            i, j = outputs.index(output.label), inputs.index(force.label)
+            pair = f"{output.label} to {force.label}"
+            i, j = rows_.get(output.label, -1), columns.get(force.label, -1)
+            if min(i, j) < 0 or not measured[i, j]:
+                raise DataFileError("pair", found=pair, expected="a response that is read")
             if there[i, j]:
-                raise DataFileError("pair", found=f"{output.label} to {force.label} again", expected="it once")
-            if not measured[i, j]:
-                raise DataFileError(
-                    "pair", found=f"{output.label} to {force.label}", expected="a response that is read"
-                )
+                raise DataFileError("pair", found=f"{pair} again", expected="it once")
             own = np.empty(f.size)
             _fill_coherence(reading, function, f, own)
-            bad.add(~np.isfinite(own), f"the coherence of {output.label} to {force.label}")
+            bad.add(~np.isfinite(own), f"the coherence of {pair}")
         except DataFileError as error:
             reading.skip(function, reason_of(error))
             continue

@@ -129,11 +129,11 @@ def mode_table(
     if not kept:
         return None
     poles = np.array([mode.pole for mode in kept])
-    nodes = list(dict.fromkeys(node for mode in kept for node in mode.shapes))
+    nodes = {node: n for n, node in enumerate(dict.fromkeys(node for mode in kept for node in mode.shapes))}
     values = np.zeros((len(kept), len(nodes), len(AXES)), np.complex128)
     for k, mode in enumerate(kept):
         for node, shape in mode.shapes.items():
-            values[k, nodes.index(node)] = np.nan_to_num(shape)
+            values[k, nodes[node]] = np.nan_to_num(shape)
     flat = values.reshape(len(kept), -1)
     moving = np.flatnonzero(flat.any(axis=0))
     if not moving.size:
@@ -172,13 +172,13 @@ def encode_modes(modes: ModeTable, nodes: Mapping[str, int], modal_a: ArrayLike 
             hint = "Write modes of other coordinates as HDF5."
             raise DataFileError("modes", found=f"coordinate {name!r}", expected="PLACE.AXIS of x to rz", hint=hint)
         dofs.append((place, code - 1))
-    places = list(dict.fromkeys(place for place, _ in dofs))
+    places = {place: n for n, place in enumerate(dict.fromkeys(place for place, _ in dofs))}
     width = 6 if any(axis > 2 for _, axis in dofs) else 3
     parts = []
     for k, (pole, shape) in enumerate(zip(modes.poles, modes.shapes, strict=True)):
         table = np.zeros((len(places), width), np.complex128)
         for (place, axis), value in zip(dofs, shape, strict=True):
-            table[places.index(place), axis] = value
+            table[places[place], axis] = value
         parts.append(_encoded(k + 1, complex(pole), complex(a[k]), table, [nodes[place] for place in places]))
     return b"".join(parts)
 
