@@ -93,6 +93,9 @@ def test_records_come_back_with_names_notes_rate_and_start(tmp_path: Path, binar
 def test_records_take_half_the_room_in_single_precision(tmp_path: Path) -> None:
     kept = campaign()
     write_measured_uff(tmp_path / "a.uff", records=kept)
+    write_measured_uff(tmp_path / "b.uff", records=kept, double=True)
+    single, double = ((tmp_path / name).stat().st_size for name in ("a.uff", "b.uff"))
+    assert double - single == 4 * sum(record.values.size for record in kept)
     for one, other in zip(read_measured_uff(tmp_path / "a.uff").records, kept, strict=True):
         same(one, other, 2.0**-24)  # half a unit in the last of 24 bits
 
