@@ -64,6 +64,7 @@ def test_a_hammer_that_is_held_askew_does_not_make_wrong_springs_certain() -> No
     made = am.synthesized_matrix(am.ema(am.estimate_frf(taps.records)), "sensor")
     fit = am.update(robot, am.Measurement(made.frf, "milling", coherence=made.coherence, raw=made.raw))
     true = robot.parameters("links.*.elasticity.*.stiffness")
-    for p in fit.parameters:
-        if p.path in true and p.verdict == "identified":
-            assert p.value == pytest.approx(true[p.path], rel=0.25), p.path  # what the verdict promises
+    known = [p for p in fit.parameters if p.path in true and p.verdict == "identified"]
+    assert len(known) >= 5  # of nine: wide intervals must not be the way out
+    for p in known:
+        assert p.value == pytest.approx(true[p.path], rel=0.25), p.path  # what the verdict promises
